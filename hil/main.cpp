@@ -10,28 +10,20 @@
 #include "common/rt/histogram.hpp"
 #include "ground/shell/path_file.hpp"
 #include "hil/netem/recording/day.hpp"
-#include "hil/proxy/proxy.hpp"
+#include "hil/proxy/drone_side.hpp"
 #include "hil/shim/shim_verb.hpp"
 #include "hil/sitl/simulated_flight.hpp"
+
+namespace ledgerline::hil {
+using Lap = SimulatedFlightResult::Drone::Lap;
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Lap, asked_mps, flown_mps, peak_mps, seconds, rms_m, max_m)
+}  // namespace ledgerline::hil
 
 namespace {
 
 using namespace ledgerline;
 
 using nlohmann::json;
-
-json laps_of(const hil::SimulatedFlightResult::Drone& drone) {
-  json laps = json::array();
-  for (const auto& lap : drone.laps) {
-    laps.push_back({{"asked_mps", lap.asked_mps},
-                    {"flown_mps", lap.flown_mps},
-                    {"peak_mps", lap.peak_mps},
-                    {"seconds", lap.seconds},
-                    {"rms_m", lap.rms_m},
-                    {"max_m", lap.max_m}});
-  }
-  return laps;
-}
 
 int simulated_flight(const hil::SimulatedFlightConfig& config) {
   const TimeNs start = monotonic_ns();
@@ -56,7 +48,7 @@ int simulated_flight(const hil::SimulatedFlightConfig& config) {
          {"commands", {{"sent", drone.commands_sent}, {"applied", drone.commands_applied}}},
          {"cross_track_m", {{"rms", drone.cross_track_rms_m}, {"max", drone.cross_track_max_m}}},
          {"lap_s", drone.lap_s},
-         {"laps", laps_of(drone)},
+         {"laps", drone.laps},
          {"limit_mps", std::isfinite(drone.limit_mps) ? json(drone.limit_mps) : json()},
          {"slowed_to_mps", drone.slowed_to_mps ? json(*drone.slowed_to_mps) : json()},
          {"response",
@@ -217,7 +209,7 @@ int main(int argc, char** argv) {
 
   if (const auto end = line.parse(argc, argv)) return *end;
   if (proxy.given()) return run_proxy(proxy_config, script);
-  if (shim.given()) return shim.run();
+  if (shim.is_given()) return shim.run();
   asked.answers = of == "answers";
   if (day.given()) return print_day(capture, asked);
   if (faults.given()) return tell_faults(socket, command);

@@ -1,6 +1,6 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "sim/shell/sim_options.hpp"
+#include "sim/shell/shell.hpp"
 
 namespace {
 

@@ -2,6 +2,7 @@
 #include <array>
 #include <cstddef>
 #include <string_view>
+#include <utility>
 
 namespace ledgerline {
 
@@ -11,6 +12,15 @@ constexpr bool is_enumerator() noexcept {
   const std::string_view spelled = __PRETTY_FUNCTION__;
   const std::size_t at = spelled.find("value = ") + 8;
   return at < spelled.size() && spelled[at] != '(' && (spelled[at] < '0' || spelled[at] > '9') && spelled[at] != '-';
+}
+
+/// As it is written in its enumeration: "taking_off".
+template <auto value>
+constexpr std::string_view enumerator_name() noexcept {
+  std::string_view spelled = __PRETTY_FUNCTION__;
+  spelled.remove_prefix(spelled.find("value = ") + 8);
+  spelled = spelled.substr(0, spelled.find_first_of(";]"));
+  return spelled.substr(spelled.rfind(':') + 1);
 }
 
 template <typename Enum, std::size_t begin = 0>
@@ -34,5 +44,14 @@ constexpr const char* name_of(Enum value, const std::array<const char*, count>& 
   const auto at = static_cast<std::size_t>(value);
   return at < count ? names[at] : "unknown";
 }
+
+template <typename Enum, std::size_t... i>
+constexpr auto name_enumerators(std::index_sequence<i...>) noexcept {
+  return std::array{enumerator_name<static_cast<Enum>(i)>()...};
+}
+
+/// The names of such an enumeration, by value.
+template <typename Enum>
+inline constexpr auto enum_names = name_enumerators<Enum>(std::make_index_sequence<enum_count<Enum>>());
 
 }  // namespace ledgerline

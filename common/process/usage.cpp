@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <sstream>
 
 namespace ledgerline {
@@ -102,5 +104,27 @@ std::vector<ThreadUsage> read_threads(const std::string& program, pid_t process)
 HostUsage read_host(const std::string& cpu) {
   return parse_host(text_of("/proc/stat"), cpu, ticks()).value_or(HostUsage{});
 }
+
+std::vector<pid_t> process_tree(pid_t root) {
+  namespace fs = std::filesystem;
+  std::map<pid_t, pid_t> parents;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator("/proc", error)) {
+    const pid_t pid = std::atoi(entry.path().filename().c_str());
+    const std::string stat = pid > 0 ? text_of(entry.path() / "stat") : "";
+    const std::size_t name_end = stat.rfind(')');  // a name may have blanks in it
+    if (name_end != std::string::npos && name_end + 4 < stat.size())
+      parents[pid] = std::atoi(stat.c_str() + name_end + 4);  // ") S PARENT"
+  }
+  std::vector<pid_t> tree;
+  for (const auto& [pid, parent] : parents) {
+    pid_t above = pid;
+    while (above > 1 && above != root && parents.contains(above)) above = parents[above];
+    if (above == root) tree.push_back(pid);
+  }
+  return tree;
+}
+
+std::uint64_t available_memory() { return number_behind(text_of("/proc/meminfo"), "MemAvailable:") * 1'024; }
 
 }  // namespace ledgerline

@@ -40,4 +40,9 @@ std::optional<HostUsage> parse_host(const std::string& stat, const std::string& 
 std::vector<ThreadUsage> read_threads(const std::string& program, pid_t process);
 HostUsage read_host(const std::string& cpu = "cpu");
 
+/// A process and all that descend from it, as they are now.
+std::vector<pid_t> process_tree(pid_t root);
+/// Bytes that programs may still have without swapping; 0: the kernel does not say.
+std::uint64_t available_memory();
+
 }  // namespace ledgerline

@@ -1,4 +1,4 @@
-#include "hil/fault/random_script.hpp"
+#include "hil/fault/script.hpp"
 
 #include <fmt/format.h>
 

@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
@@ -34,12 +35,7 @@ json events_json(const RunResult& result) {
   for (const WorldEvent& event : result.events)
     events.push_back({{"t_s", rounded(to_seconds(event.t_ns))},
                       {"drone", result.drones.at(event.drone)},
-                      {"kind", event.kind == WorldEvent::Kind::mode      ? "mode"
-                               : event.kind == WorldEvent::Kind::fault   ? "fault"
-                               : event.kind == WorldEvent::Kind::sent    ? "sent"
-                               : event.kind == WorldEvent::Kind::bad_rc  ? "bad_rc"
-                               : event.kind == WorldEvent::Kind::started ? "started"
-                                                                         : "ended"},
+                      {"kind", enum_names<WorldEvent::Kind>[static_cast<std::size_t>(event.kind)]},
                       {"text", event.text}});
   return events;
 }
@@ -50,7 +46,7 @@ json run_json(const RunResult& result) {
   return {{"script", result.script},
           {"title", result.title},
           {"seed", result.seed},
-          {"held", result.held()},
+          {"held", result.all_held()},
           {"verdicts", verdicts},
           {"not_checked", result.not_checked},
           {"flown_s", to_seconds(result.flown_ns)},
@@ -64,10 +60,11 @@ json run_json(const RunResult& result) {
 }
 
 json summary_json(const RunSummary& run) {
-  json figures = json::object();
-  for (const FigureValue& figure : run.figures) figures[std::string(figure.name)] = figure.value;
-  json out{
-      {"script", run.script}, {"seed", run.seed}, {"source", run.source}, {"broken", run.broken}, {"figures", figures}};
+  json out{{"script", run.script},
+           {"seed", run.seed},
+           {"source", run.source},
+           {"broken", run.broken},
+           {"figures", json(run.figures)}};
   if (!run.digest.empty()) out["digest"] = run.digest;
   if (!run.mode.empty()) out["mode"] = run.mode;
   return out;
@@ -107,7 +104,9 @@ std::string not_checked_text(const RunResult& result) {
 }
 
 RunSummary summary_of(const RunResult& result, const std::string& source) {
-  RunSummary summary{result.script, result.seed, source, "", {}, result.figures, result.flown_ns};
+  RunSummary summary{
+      .script = result.script, .seed = result.seed, .source = source, .figures = {}, .flown_ns = result.flown_ns};
+  for (const MetricValue& figure : result.figures) summary.figures.emplace(figure.name, figure.value);
   if (result.digest != crypto::Digest{}) summary.digest = crypto::hex(result.digest);
   for (const Verdict& verdict : result.verdicts) {
     if (!verdict.held) summary.broken.push_back(verdict.rule.text);

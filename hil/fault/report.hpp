@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "hil/fault/compare/comparison.hpp"
 #include "hil/fault/run/run.hpp"
 
 // Results of runs, as people and programs read them.
@@ -16,17 +17,7 @@ std::string broken_text(const RunResult& result);
 /// "  not checked: WHAT", a line for each.
 std::string not_checked_text(const RunResult& result);
 
-/// What is kept of each run, however many there are: by this builds are compared (hil/fault/compare/comparison_io.hpp).
-struct RunSummary {
-  std::string script;
-  std::uint64_t seed = 0;
-  std::string source;               ///< of which text of the script
-  std::string digest;               ///< empty: of real processes, which promise no bytes
-  std::vector<std::string> broken;  ///< rules
-  Figures figures;
-  TimeNs flown_ns = 0;
-  std::string mode{};  ///< how it was flown; empty: not said
-};
+using RunSummary = comparing::FlownRun;
 RunSummary summary_of(const RunResult& result, const std::string& source);
 /// Short, the same for the same text of a script.
 std::string source_of(std::string_view script_text);

@@ -14,7 +14,7 @@
 #include "ground/shell/path_file.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/sitl/world_setup.hpp"
-#include "sim/core/pads.hpp"
+#include "sim/core/sensors.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -268,7 +268,7 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
     config.wrong("pilot.0.do", "must not be there: a pilot goes with kind = \"manual\"");
 }
 
-void read_fault(Config& config, const std::string& key, const std::vector<DroneFacts>& drones, bool real,
+void read_fault(Config& config, const std::string& key, const std::vector<DroneObservation>& drones, bool real,
                 Script& script) {
   const bool on_path = script.kind == FlightKind::path;
   const std::string what = config.text({key + "what", "where and what goes wrong"}),
@@ -317,10 +317,7 @@ void read_rule(Config& config, const std::string& sentence, bool faults, Script&
 
 }  // namespace
 
-std::string_view name_of(FlightKind kind) {
-  constexpr std::array<std::string_view, 3> names{"path", "manual", "sdk"};
-  return names[static_cast<std::size_t>(kind)];
-}
+std::string_view name_of(FlightKind kind) { return enum_names<FlightKind>[static_cast<std::size_t>(kind)]; }
 
 Script read_script(Config& config, const std::string& file, bool real) {
   Script script;
@@ -333,8 +330,7 @@ Script read_script(Config& config, const std::string& file, bool real) {
   read_flight(config, std::filesystem::path(file).parent_path().string(), script);
 
   const std::size_t faults = config.table_count({"fault", "what goes wrong"});
-  std::vector<DroneFacts> drones(static_cast<std::size_t>(script.flight.drones));
-  for (std::size_t i = 0; i < drones.size(); ++i) drones[i].name = drone_name(static_cast<int>(i) + 1);
+  const std::vector<DroneObservation> drones = named_drones(script.flight.drones);
   for (std::size_t i = 0; i < faults; ++i) read_fault(config, fmt::format("fault.{}.", i), drones, real, script);
   for (const std::string& sentence : config.texts({"must", "what must hold, a sentence each"}, max_rules))
     read_rule(config, sentence, faults > 0, script);

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
@@ -38,14 +37,7 @@ double gamma_s(double mean, double deviation, Random& random) noexcept {
 
 Result<Distribution::Recording> parse_recording(const std::string& path, std::string_view content) {
   std::vector<TimeNs> values;
-  int number = 0;
-  std::string_view left = content;
-  while (!left.empty()) {
-    const std::size_t end = std::min(left.find('\n'), left.size());
-    const std::string_view line = trimmed(left.substr(0, end));
-    left.remove_prefix(std::min(end + 1, left.size()));
-    ++number;
-    if (line.empty() || line.front() == '#') continue;
+  for (const auto& [number, line] : lines_of(content)) {
     const auto seconds = parse_number(line);
     if (!seconds || *seconds < 0 || *seconds > to_seconds(max_delay))
       return Error{fmt::format("{}:{}: \"{}\" is no number of seconds from 0 to {:.0f}", path, number,
@@ -62,17 +54,6 @@ Result<Distribution::Recording> read_recording(const std::string& path) {
   const auto content = read_file(path);
   if (!content) return content.error();
   return parse_recording(path, *content);
-}
-
-ReadRecording reading_once(ReadRecording read) {
-  using Known = std::map<std::string, Distribution::Recording>;
-  return [read = std::move(read),
-          known = std::make_shared<Known>()](const std::string& path) -> Result<Distribution::Recording> {
-    if (const auto found = known->find(path); found != known->end()) return found->second;
-    auto recording = read(path);
-    if (recording) known->emplace(path, *recording);
-    return recording;
-  };
 }
 
 TimeNs Draws::next(const Distribution& distribution) noexcept {
@@ -96,13 +77,9 @@ Result<Distribution> parse_distribution(std::string_view text, const ReadRecordi
   const auto words = words_of(text);
   if (words.empty()) return Error{fmt::format("a time is missing: {}", distribution_forms)};
   using Kind = Distribution::Kind;
-  static constexpr std::pair<std::string_view, Kind> kinds[] = {
-      {"constant", Kind::constant}, {"uniform", Kind::uniform},   {"normal", Kind::normal},
-      {"gamma", Kind::gamma},       {"recorded", Kind::recorded},
-  };
-  const auto* known = std::find_if(std::begin(kinds), std::end(kinds), [&](auto& k) { return k.first == words[0]; });
-  const bool named = known != std::end(kinds);
-  const Kind kind = named ? known->second : Kind::constant;
+  const auto* const known = std::ranges::find(enum_names<Kind>, words[0]);
+  const bool named = known != enum_names<Kind>.end();
+  const Kind kind = named ? static_cast<Kind>(known - enum_names<Kind>.begin()) : Kind::constant;
   const std::size_t needed = (named ? 1 : 0) + (kind == Kind::constant || kind == Kind::recorded ? 1 : 2);
   if (words.size() != needed) return Error{fmt::format("\"{}\": {}", printable(text, 80), distribution_forms)};
   if (kind == Kind::recorded) {
@@ -126,29 +103,19 @@ Result<Distribution> parse_distribution(std::string_view text, const ReadRecordi
 }
 
 std::string text_of(const Distribution& distribution) {
-  const std::string a = time_text(distribution.a), b = time_text(distribution.b);
-  switch (distribution.kind) {
-    case Distribution::Kind::constant:
-      return a;
-    case Distribution::Kind::uniform:
-      return "uniform " + a + " " + b;
-    case Distribution::Kind::normal:
-      return "normal " + a + " " + b;
-    case Distribution::Kind::gamma:
-      return "gamma " + a + " " + b;
-    case Distribution::Kind::recorded:
-      return "recorded " + distribution.file;
-  }
-  return {};
+  using Kind = Distribution::Kind;
+  const std::string a = time_text(distribution.a);
+  if (distribution.kind == Kind::constant) return a;
+  if (distribution.kind == Kind::recorded) return "recorded " + distribution.file;
+  return fmt::format("{} {} {}", enum_names<Kind>[static_cast<std::size_t>(distribution.kind)], a,
+                     time_text(distribution.b));
 }
 
 Result<TimeNs> parse_time(std::string_view text) {
-  const std::size_t unit_at = std::min(text.find_first_not_of("0123456789."), text.size());
-  const auto number = parse_number(text.substr(0, unit_at));
-  const std::string_view unit = text.substr(unit_at);
-  const TimeNs scale = unit == "us" ? ns_per_us : unit == "ms" ? ns_per_ms : unit == "s" ? ns_per_s : 0;
-  const double ns = number ? std::round(*number * static_cast<double>(scale)) : -1;
-  if (scale == 0 || !(ns >= 0) || ns > static_cast<double>(max_delay))
+  static constexpr std::pair<std::string_view, double> units[] = {
+      {"us", ns_per_us}, {"ms", ns_per_ms}, {"s", ns_per_s}};
+  const double ns = std::round(parse_with_unit(text, units).value_or(-1));
+  if (!(ns >= 0) || ns > static_cast<double>(max_delay))
     return Error{fmt::format("\"{}\" is no time from 0s to {:.0f}s, such as 200ms, 0.5s or 250us", printable(text, 40),
                              to_seconds(max_delay))};
   return static_cast<TimeNs>(ns);

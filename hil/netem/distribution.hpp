@@ -1,5 +1,6 @@
 #pragma once
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -45,8 +46,18 @@ using ReadRecording = std::function<Result<Distribution::Recording>(const std::s
 Result<Distribution::Recording> read_recording(const std::string& path);
 /// From a file's content; `path` is for errors.
 Result<Distribution::Recording> parse_recording(const std::string& path, std::string_view content);
-/// Reads each file once, and gives that again whatever becomes of it; copies know what the others read. One thread.
-ReadRecording reading_once(ReadRecording read = read_recording);
+/// Reads each file once, and returns that again whatever becomes of it; copies know what the others read. One thread.
+template <typename What>
+std::function<Result<What>(const std::string& path)> reading_once(
+    std::function<Result<What>(const std::string& path)> read) {
+  return [read = std::move(read),
+          known = std::make_shared<std::map<std::string, What>>()](const std::string& path) -> Result<What> {
+    if (const auto found = known->find(path); found != known->end()) return found->second;
+    auto what = read(path);
+    if (what) known->emplace(path, *what);
+    return what;
+  };
+}
 
 /// Reads one of
 ///     200ms                        constant; also `constant 200ms`. Units: us, ms, s

@@ -57,7 +57,7 @@ void EmulatedLink::push_datagram(TimeNs now, std::string bytes, std::uint64_t ta
   ++counts_.pushed;
   counts_.bytes_in += bytes.size();
   const RecordedDay::Delivery recorded = fate(now);
-  if (impairment_.partition || loses() || recorded.lost) {
+  if (impairment_.partition || is_lost() || recorded.lost) {
     ++counts_.lost;
     return;
   }
@@ -86,10 +86,10 @@ void EmulatedLink::push_datagram(TimeNs now, std::string bytes, std::uint64_t ta
   }
   if (impairment_.duplicate && share(duplicate, impairment_.duplicate->share)) {
     ++counts_.duplicated;
-    keep(due, {bytes, tag});
+    add_unit(due, {bytes, tag});
     due += draws_[duplicate].next(impairment_.duplicate->after);
   }
-  keep(due, {std::move(bytes), tag});
+  add_unit(due, {std::move(bytes), tag});
 }
 
 void EmulatedLink::push_piece(TimeNs now, std::string_view bytes, std::uint64_t tag) {
@@ -120,8 +120,7 @@ std::size_t EmulatedLink::room(TimeNs now) const {
 
 std::optional<EmulatedLink::Unit> EmulatedLink::pop(TimeNs now) {
   begin_day(now);
-  const bool held = impairment_.stall || (kind_ == Kind::stream && impairment_.partition);
-  if (held || units_.empty() || units_.begin()->first.first > now) return std::nullopt;
+  if (const auto due = next_due(); !due || *due > now) return std::nullopt;
   auto node = units_.extract(units_.begin());
   ++counts_.delivered;
   counts_.bytes_out += node.mapped().bytes.size();
@@ -135,7 +134,7 @@ std::optional<TimeNs> EmulatedLink::next_due() const {
   return units_.begin()->first.first;
 }
 
-bool EmulatedLink::loses() {
+bool EmulatedLink::is_lost() {
   if (!impairment_.loss) return false;
   const auto& model = *impairment_.loss;
   Random& random = random_[loss];
@@ -160,7 +159,7 @@ std::optional<TimeNs> EmulatedLink::pass_rate(TimeNs now, std::size_t bytes) {
   return rate_free_at_;
 }
 
-void EmulatedLink::keep(TimeNs due, Unit unit) {
+void EmulatedLink::add_unit(TimeNs due, Unit unit) {
   if (units_.size() >= max_units || bytes_ + unit.bytes.size() > max_bytes) {
     ++counts_.no_room;
     return;

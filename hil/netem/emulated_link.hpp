@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -11,6 +12,11 @@
 #include "hil/netem/impairment.hpp"
 
 namespace ledgerline::hil {
+
+/// The earlier of two moments, of which there may be none.
+inline std::optional<TimeNs> earlier(std::optional<TimeNs> a, std::optional<TimeNs> b) {
+  return a && b ? std::min(*a, *b) : a ? a : b;
+}
 
 /// What an emulated link did so far. Of datagrams: pushed + duplicated = delivered + lost + no_room + waiting.
 struct EmulatedLinkCounts {
@@ -65,7 +71,7 @@ class EmulatedLink {
 
  private:
   enum Effect { delay, jitter, loss, duplicate, reorder, corrupt, truncate, effects };
-  bool loses();
+  bool is_lost();
   bool share(Effect effect, double of);
   void begin_day(TimeNs now);
   /// What the recorded day does to what is pushed now; nothing without one.
@@ -75,7 +81,7 @@ class EmulatedLink {
   double rate_backlog_bytes(TimeNs now) const;
   void push_datagram(TimeNs now, std::string bytes, std::uint64_t tag);
   void push_piece(TimeNs now, std::string_view bytes, std::uint64_t tag);
-  void keep(TimeNs due, Unit unit);
+  void add_unit(TimeNs due, Unit unit);
 
   Kind kind_;
   Impairment impairment_;

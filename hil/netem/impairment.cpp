@@ -23,26 +23,18 @@ Error wrong(const Words& words, std::string_view why) {
   return Error{fmt::format("\"{}\": {}", printable(fmt::format("{}", fmt::join(words, " ")), 100), why)};
 }
 
-Result<double> parse_share(std::string_view text) {
-  const bool percent = !text.empty() && text.back() == '%';
-  const auto number = parse_number(percent ? text.substr(0, text.size() - 1) : text);
-  if (!percent || !number || *number < 0 || *number > 100)
-    return Error{fmt::format("\"{}\" is no share from 0% to 100%, such as 5%", printable(text, 40))};
-  return *number / 100;
+Result<double> share_in(std::string_view text) {
+  const auto share = parse_share(text);
+  if (!share) return Error{fmt::format("\"{}\" is no share from 0% to 100%, such as 5%", printable(text, 40))};
+  return *share;
 }
 
 /// With the unit behind it: "20kB" and, of a rate, "20kB/s".
 Result<double> parse_bytes(std::string_view text, std::string_view behind, double least, double most) {
   static constexpr std::pair<std::string_view, double> units[] = {{"kB", 1e3}, {"MB", 1e6}, {"B", 1}};
-  std::string_view left = text;
-  if (left.ends_with(behind)) {
-    left.remove_suffix(behind.size());
-    for (const auto& [unit, scale] : units) {
-      if (!left.ends_with(unit)) continue;
-      const auto number = parse_number(left.substr(0, left.size() - unit.size()));
-      if (number && *number * scale >= least && *number * scale <= most) return *number * scale;
-      break;
-    }
+  if (text.ends_with(behind)) {
+    const auto bytes = parse_with_unit(text.substr(0, text.size() - behind.size()), units);
+    if (bytes && *bytes >= least && *bytes <= most) return *bytes;
   }
   return Error{fmt::format("\"{}\" is not from {}B{} to {:.0f}MB{}, such as 20kB{}", printable(text, 40), least, behind,
                            most / 1e6, behind, behind)};
@@ -61,7 +53,7 @@ Status set_distribution(std::string_view text, const ReadRecording& read, std::o
 
 Status set_share(const Words& words, double& out) {
   if (words.size() != 2) return wrong(words, fmt::format("allowed is {} SHARE, such as {} 1%", words[0], words[0]));
-  const auto share = parse_share(words[1]);
+  const auto share = share_in(words[1]);
   if (!share) return share.error();
   out = *share;
   return done;
@@ -74,12 +66,12 @@ Status set_loss(const Words& words, std::optional<Impairment::Loss>& out) {
   Impairment::Loss loss;
   double* const values[] = {&loss.enter, &loss.leave, &loss.bad, &loss.good};
   if (!bursts) {
-    const auto share = parse_share(words[1]);
+    const auto share = share_in(words[1]);
     if (!share) return share.error();
     loss.good = *share;
   }
   for (std::size_t i = 2; i < words.size(); ++i) {
-    const auto share = parse_share(words[i]);
+    const auto share = share_in(words[i]);
     if (!share) return share.error();
     *values[i - 2] = *share;
   }
@@ -93,7 +85,7 @@ Status set_share_and_time(std::string_view effect, const Words& words, const Rea
   if (words.size() < (time_needed ? 3u : 2u))
     return wrong(words, fmt::format("allowed is {} SHARE {}, such as {} 5% 30ms", words[0],
                                     time_needed ? "DISTRIBUTION" : "[DISTRIBUTION]", words[0]));
-  const auto parsed = parse_share(words[1]);
+  const auto parsed = share_in(words[1]);
   if (!parsed) return parsed.error();
   if (words.size() > 2) {
     auto distribution = parse_distribution(rest(rest(effect, words[0]), words[1]), read);
@@ -123,13 +115,9 @@ Status set_rate(const Words& words, std::optional<Impairment::Rate>& out) {
 /// "90s", "250ms", "15min", "2h".
 std::optional<TimeNs> offset_in(std::string_view text) {
   static constexpr std::pair<std::string_view, double> units[] = {{"ms", 1e-3}, {"min", 60}, {"s", 1}, {"h", 3600}};
-  for (const auto& [unit, seconds] : units) {
-    if (!text.ends_with(unit)) continue;
-    const auto number = parse_number(text.substr(0, text.size() - unit.size()));
-    if (!number || *number < 0 || *number * seconds > to_seconds(RecordedDay::max_length)) return std::nullopt;
-    return std::llround(*number * seconds * 1e9);
-  }
-  return std::nullopt;
+  const auto seconds = parse_with_unit(text, units);
+  if (!seconds || *seconds < 0 || *seconds > to_seconds(RecordedDay::max_length)) return std::nullopt;
+  return std::llround(*seconds * 1e9);
 }
 
 Status set_recorded_day(const Words& words, const ReadDay& read, std::optional<Impairment::RecordedLink>& out) {
@@ -175,63 +163,48 @@ std::string loss_text(const Impairment::Loss& loss) {
   return text;
 }
 
+/// Calls `act` with each effect's name and member, in the order of Impairment.
+void for_each_effect(const auto& act) {
+  act("delay", &Impairment::delay);
+  act("jitter", &Impairment::jitter);
+  act("loss", &Impairment::loss);
+  act("duplicate", &Impairment::duplicate);
+  act("reorder", &Impairment::reorder);
+  act("corrupt", &Impairment::corrupt);
+  act("truncate", &Impairment::truncate);
+  act("rate", &Impairment::rate);
+  act("recorded-day", &Impairment::recorded_day);
+  act("stall", &Impairment::stall);
+  act("partition", &Impairment::partition);
+}
+
 bool switch_off(std::string_view name, Impairment& impairment) {
-  if (name == "delay")
-    impairment.delay.reset();
-  else if (name == "jitter")
-    impairment.jitter.reset();
-  else if (name == "loss")
-    impairment.loss.reset();
-  else if (name == "duplicate")
-    impairment.duplicate.reset();
-  else if (name == "reorder")
-    impairment.reorder.reset();
-  else if (name == "corrupt")
-    impairment.corrupt = 0;
-  else if (name == "truncate")
-    impairment.truncate = 0;
-  else if (name == "rate")
-    impairment.rate.reset();
-  else if (name == "recorded-day")
-    impairment.recorded_day.reset();
-  else if (name == "stall")
-    impairment.stall = false;
-  else if (name == "partition")
-    impairment.partition = false;
-  else
-    return false;
-  return true;
+  bool found = false;
+  for_each_effect([&](std::string_view effect, auto member) {
+    if (effect != name) return;
+    impairment.*member = {};
+    found = true;
+  });
+  return found;
 }
 
 }  // namespace
 
 bool Impairment::any() const { return kinds_in(*this) != 0; }
 
-unsigned kinds_in(const Impairment& i) {
-  const bool there[] = {
-      i.delay.has_value(), i.jitter.has_value(), i.loss.has_value(), i.duplicate.has_value(),    i.reorder.has_value(),
-      i.corrupt > 0,       i.truncate > 0,       i.rate.has_value(), i.recorded_day.has_value(), i.stall,
-      i.partition};
-  unsigned kinds = 0;
-  for (std::size_t k = 0; k < std::size(there); ++k) kinds |= there[k] ? 1U << k : 0;
+unsigned kinds_in(const Impairment& impairment) {
+  unsigned kinds = 0, bit = 1;
+  for_each_effect([&](std::string_view, auto member) {
+    if (impairment.*member) kinds |= bit;
+    bit <<= 1;
+  });
   return kinds;
 }
 
 void overlay(const Impairment& over, Impairment& impairment) {
-  const auto take = [](const auto& from, auto& to) {
-    if (from) to = from;
-  };
-  take(over.delay, impairment.delay);
-  take(over.jitter, impairment.jitter);
-  take(over.loss, impairment.loss);
-  take(over.duplicate, impairment.duplicate);
-  take(over.reorder, impairment.reorder);
-  if (over.corrupt > 0) impairment.corrupt = over.corrupt;
-  if (over.truncate > 0) impairment.truncate = over.truncate;
-  take(over.rate, impairment.rate);
-  take(over.recorded_day, impairment.recorded_day);
-  take(over.stall, impairment.stall);
-  take(over.partition, impairment.partition);
+  for_each_effect([&](std::string_view, auto member) {
+    if (over.*member) impairment.*member = over.*member;
+  });
 }
 
 Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
@@ -272,11 +245,8 @@ Status apply_effect(std::string_view text, Impairment& impairment, const ReadRec
 
 Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
   Impairment changed = impairment;
-  for (;;) {
-    const std::size_t comma = std::min(text.find(','), text.size());
-    if (auto applied = apply_effect(text.substr(0, comma), changed, read, day); !applied) return applied;
-    if (comma == text.size()) break;
-    text.remove_prefix(comma + 1);
+  for (const std::string_view effect : split(text, ',')) {
+    if (auto applied = apply_effect(effect, changed, read, day); !applied) return applied;
   }
   impairment = std::move(changed);
   return done;
@@ -308,7 +278,7 @@ Status check_for_stream(const Impairment& impairment) {
       {impairment.reorder.has_value(), "reorder"},
       {impairment.corrupt > 0, "corrupt"},
       {impairment.truncate > 0, "truncate"},
-      {impairment.recorded_day && impairment.recorded_day->day->loses(), "a recorded day with losses"},
+      {impairment.recorded_day && impairment.recorded_day->day->has_losses(), "a recorded day with losses"},
   };
   for (const auto& [there, name] : effects) {
     if (there)

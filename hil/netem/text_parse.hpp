@@ -1,15 +1,17 @@
 #pragma once
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
-/// The words of scripts for the values of an enumeration, in a table of pairs.
+#include "common/base/enum_count.hpp"
+
+// What scripts, commands and tables are made of.
 namespace ledgerline::hil {
 
 inline std::string_view trimmed(std::string_view text) {
@@ -29,6 +31,17 @@ inline std::vector<std::string_view> words_of(std::string_view text) {
   return words;
 }
 
+/// What stands between `separator`s: at least one part, which may be empty.
+inline std::vector<std::string_view> split(std::string_view text, char separator) {
+  std::vector<std::string_view> parts;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(separator, begin), text.size());
+    parts.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return parts;
+}
+
 /// All of the text as a finite number; nothing where it is none.
 inline std::optional<double> parse_number(std::string_view text) {
   double value = 0;
@@ -37,29 +50,49 @@ inline std::optional<double> parse_number(std::string_view text) {
   return value;
 }
 
-template <typename Value, std::size_t count>
-using WordTable = std::array<std::pair<std::string_view, Value>, count>;
+/// "7%" as 0.07; nothing where it is no share from 0% to 100%.
+inline std::optional<double> parse_share(std::string_view text) {
+  if (!text.ends_with('%')) return std::nullopt;
+  const auto percent = parse_number(text.substr(0, text.size() - 1));
+  return percent && *percent >= 0 && *percent <= 100 ? std::optional(*percent / 100) : std::nullopt;
+}
 
-template <typename Value, std::size_t count>
-std::optional<Value> value_of(const WordTable<Value, count>& words, std::string_view word) {
-  for (const auto& [name, value] : words) {
-    if (name == word) return value;
+/// A number with one of these units behind it, in the unit of the scales; nothing where it is none.
+inline std::optional<double> parse_with_unit(std::string_view text,
+                                             std::span<const std::pair<std::string_view, double>> scales) {
+  const std::size_t unit_at = std::min(text.find_first_not_of("0123456789."), text.size());
+  const auto number = parse_number(text.substr(0, unit_at));
+  for (const auto& [unit, scale] : scales) {
+    if (number && text.substr(unit_at) == unit) return *number * scale;
   }
   return std::nullopt;
 }
 
-template <typename Value, std::size_t count>
-std::vector<std::string> names_of(const WordTable<Value, count>& words) {
-  std::vector<std::string> names;
-  for (const auto& pair : words) names.emplace_back(pair.first);
-  return names;
+/// The lines of a table but empty ones and comments (#), without blanks around, each with its number from 1 on.
+inline std::vector<std::pair<int, std::string_view>> lines_of(std::string_view content) {
+  std::vector<std::pair<int, std::string_view>> lines;
+  int number = 0;
+  for (std::string_view line : split(content, '\n')) {
+    ++number;
+    line = trimmed(line);
+    if (!line.empty() && line.front() != '#') lines.emplace_back(number, line);
+  }
+  return lines;
 }
 
-/// For errors.
-inline std::string list_of(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
+/// The words of scripts for the values of an enumeration but its first one, `none`: their names, with - for _.
+template <typename Enum>
+std::vector<std::string> words_for() {
+  std::vector<std::string> words(enum_names<Enum>.begin() + 1, enum_names<Enum>.end());
+  for (std::string& word : words) std::ranges::replace(word, '_', '-');
+  return words;
+}
+
+template <typename Enum>
+std::optional<Enum> from_word(std::string_view word) {
+  const auto words = words_for<Enum>();
+  const auto found = std::ranges::find(words, word);
+  return found == words.end() ? std::nullopt : std::optional(static_cast<Enum>(found - words.begin() + 1));
 }
 
 }  // namespace ledgerline::hil

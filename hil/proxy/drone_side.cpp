@@ -90,10 +90,6 @@ void receive_from(int fd, Take take) {
   }
 }
 
-void earlier(std::optional<TimeNs>& least, std::optional<TimeNs> other) {
-  if (other && (!least || *other < *least)) least = other;
-}
-
 }  // namespace
 
 nlohmann::json to_json(const EmulatedLinkCounts& c) {
@@ -122,11 +118,11 @@ SharedPorts::~SharedPorts() {
   if (video_ >= 0) ::close(video_);
 }
 
-std::uint64_t receive_shared(int socket, Way way, TimeNs now, std::span<DroneSide> sides) {
+std::uint64_t receive_shared(int socket, Direction way, TimeNs now, std::span<DroneSide> sides) {
   std::uint64_t outsiders = 0;
   receive_from(socket, [&](const sockaddr_in& from, std::string_view bytes) {
     for (DroneSide& side : sides) {
-      if (side.route().address.s_addr == from.sin_addr.s_addr) return side.take(way, now, bytes);
+      if (side.route().address.s_addr == from.sin_addr.s_addr) return side.push(way, now, bytes);
     }
     ++outsiders;
   });
@@ -168,7 +164,7 @@ DroneSide::~DroneSide() {
   if (lock_ >= 0) ::close(lock_);
 }
 
-void DroneSide::impair(Way way, const Impairment& impairment) {
+void DroneSide::impair(Direction way, const Impairment& impairment) {
   if (const auto set = link_of(way).set(impairment); !set) spdlog::error("{}: {}", route_.name, set.error().message);
 }
 
@@ -182,27 +178,27 @@ void DroneSide::receive(TimeNs now, std::span<const pollfd> polled) {
     if (polled[i + 1].revents == 0) continue;
     receive_from(clients_[i].back, [&](const sockaddr_in& from, std::string_view bytes) {
       const bool from_drone = from.sin_addr.s_addr == route_.address.s_addr;
-      if (from_drone) link_of(Way::answers).push(now, bytes, tag_of(clients_[i].address));
+      if (from_drone) link_of(Direction::answers).push(now, bytes, tag_of(clients_[i].address));
     });
   }
   if (polled[0].revents == 0) return;
-  receive_from(front_, [&](const sockaddr_in& from, std::string_view bytes) { take_from_client(now, from, bytes); });
+  receive_from(front_, [&](const sockaddr_in& from, std::string_view bytes) { push_from_client(now, from, bytes); });
 }
 
-void DroneSide::take_from_client(TimeNs now, const sockaddr_in& from, std::string_view bytes) {
+void DroneSide::push_from_client(TimeNs now, const sockaddr_in& from, std::string_view bytes) {
   Client* client = client_at(from, now);
   if (!client) return;
   client->heard = now;
   const auto words = words_of(bytes.substr(0, 40));
-  if (words.empty() || words[0] != "port") return link_of(Way::to).push(now, bytes, tag_of(from));
+  if (words.empty() || words[0] != "port") return link_of(Direction::to).push(now, bytes, tag_of(from));
   if (ports_refused_++ == 0)
     spdlog::warn("{}: a client asked for other ports, which the proxy does not do: answered with error", route_.name);
-  link_of(Way::answers).push(now, "error", tag_of(from));
+  link_of(Direction::answers).push(now, "error", tag_of(from));
 }
 
-void DroneSide::take(Way way, TimeNs now, std::string_view bytes) {
+void DroneSide::push(Direction way, TimeNs now, std::string_view bytes) {
   std::string said(bytes);
-  if (way == Way::state && !hil::misreport(now, sensors_, noise_, said)) return;
+  if (way == Direction::state && !hil::misreport(now, sensors_, noise_, said)) return;
   if (commander_)
     link_of(way).push(now, said, tag_of(*commander_));
   else
@@ -210,15 +206,15 @@ void DroneSide::take(Way way, TimeNs now, std::string_view bytes) {
 }
 
 void DroneSide::send(TimeNs now) {
-  while (const auto unit = link_of(Way::to).pop(now)) send_to_drone(now, *unit);
-  for (const Way way : {Way::answers, Way::state, Way::video}) {
+  while (const auto unit = link_of(Direction::to).pop(now)) send_to_drone(now, *unit);
+  for (const Direction way : {Direction::answers, Direction::state, Direction::video}) {
     while (const auto unit = link_of(way).pop(now)) send_to_client(way, *unit);
   }
 }
 
 std::optional<TimeNs> DroneSide::next_due() const {
   std::optional<TimeNs> due;
-  for (const EmulatedLink& link : links_) earlier(due, link.next_due());
+  for (const EmulatedLink& link : links_) due = earlier(due, link.next_due());
   return due;
 }
 
@@ -257,10 +253,10 @@ void DroneSide::send_to_drone(TimeNs now, const EmulatedLink::Unit& unit) {
     ++unsent_;
 }
 
-void DroneSide::send_to_client(Way way, const EmulatedLink::Unit& unit) {
+void DroneSide::send_to_client(Direction way, const EmulatedLink::Unit& unit) {
   sockaddr_in to = from_tag(unit.tag);
-  if (way == Way::state) to.sin_port = htons(state_port);
-  if (way == Way::video) to.sin_port = htons(video_port);
+  if (way == Direction::state) to.sin_port = htons(state_port);
+  if (way == Direction::video) to.sin_port = htons(video_port);
   if (::sendto(front_, unit.bytes.data(), unit.bytes.size(), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&to),
                sizeof to) < 0)
     ++unsent_;
@@ -272,7 +268,7 @@ nlohmann::json DroneSide::summary() const {
   for (std::size_t i = 0; i < links_.size(); ++i) {
     nlohmann::json counts = to_json(links_[i].counts());
     counts["waiting"] = links_[i].waiting();
-    out[std::string(name_of(Way{static_cast<int>(i)}))] = std::move(counts);
+    out[std::string(name_of(Direction{static_cast<int>(i)}))] = std::move(counts);
   }
   return out;
 }

@@ -1,12 +1,12 @@
 #pragma once
 #include <poll.h>
-
 #include <array>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "hil/netem/emulated_link.hpp"
 #include "hil/proxy/settings.hpp"
 
@@ -43,7 +43,7 @@ class DroneSide {
   ~DroneSide();
 
   const DroneRoute& route() const { return route_; }
-  void impair(Way way, const Impairment& impairment);
+  void impair(Direction way, const Impairment& impairment);
   /// What its state text says wrongly from now on.
   void misreport(std::vector<SensorFault> faults) { renew(sensors_, std::move(faults)); }
   /// Adds the sockets that it waits for, sockets() of them.
@@ -52,7 +52,7 @@ class DroneSide {
   /// Reads its own sockets, at most so many datagrams of each. `polled`: what add_to() added, after poll().
   void receive(TimeNs now, std::span<const pollfd> polled);
   /// State or video that came from its drone.
-  void take(Way way, TimeNs now, std::string_view bytes);
+  void push(Direction way, TimeNs now, std::string_view bytes);
   /// Sends what is due.
   void send(TimeNs now);
   std::optional<TimeNs> next_due() const;
@@ -65,11 +65,11 @@ class DroneSide {
     TimeNs heard = 0;
   };
   DroneSide(const DroneRoute& route, in_addr source, std::uint64_t seed);
-  EmulatedLink& link_of(Way way) { return links_[static_cast<std::size_t>(way)]; }
+  EmulatedLink& link_of(Direction way) { return links_[static_cast<std::size_t>(way)]; }
   Client* client_at(const sockaddr_in& address, TimeNs now);
-  void take_from_client(TimeNs now, const sockaddr_in& from, std::string_view bytes);
+  void push_from_client(TimeNs now, const sockaddr_in& from, std::string_view bytes);
   void send_to_drone(TimeNs now, const EmulatedLink::Unit& unit);
-  void send_to_client(Way way, const EmulatedLink::Unit& unit);
+  void send_to_client(Direction way, const EmulatedLink::Unit& unit);
 
   DroneRoute route_;
   in_addr source_;
@@ -84,8 +84,13 @@ class DroneSide {
 
 /// Reads one socket of all drones and gives each datagram to the side of the drone that sent it; how many came from
 /// others.
-std::uint64_t receive_shared(int socket, Way way, TimeNs now, std::span<DroneSide> sides);
+std::uint64_t receive_shared(int socket, Direction way, TimeNs now, std::span<DroneSide> sides);
 
 nlohmann::json to_json(const EmulatedLinkCounts& counts);
+
+/// Opens everything, prints {"ready":true,"servers":{"NAME":"127.0.0.1:PORT"}} and forwards until SIGINT or SIGTERM,
+/// with what the script and the socket switch; then writes the summary. One thread; returns an error where something
+/// could not be opened or written.
+Status run(const Settings& settings);
 
 }  // namespace ledgerline::hil::proxy

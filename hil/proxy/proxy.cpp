@@ -1,4 +1,4 @@
-#include "hil/proxy/proxy.hpp"
+#include "hil/proxy/drone_side.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -16,7 +16,6 @@
 #include "common/base/log.hpp"
 #include "common/program/socket/command_socket.hpp"
 #include "common/program/stop_signals.hpp"
-#include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/server_side.hpp"
 
 namespace ledgerline::hil::proxy {
@@ -98,7 +97,7 @@ Status Proxy::run_until_signal() {
   start_ = monotonic_ns();
   while (!stop_requested) {
     const TimeNs now = monotonic_ns();
-    while (const auto command = script_.take(now - start_)) {
+    while (const auto command = script_.pop(now - start_)) {
       if (const auto acted = act(now, *command); !acted) spdlog::error("{}", acted.error().message);
     }
     polled_.clear();
@@ -135,8 +134,8 @@ void Proxy::turn(TimeNs now) {
   const auto take = [&](std::size_t count) { return std::exchange(left, left.subspan(count)).first(count); };
   if (shared_) {
     const auto ports = take(2);
-    if (ports[0].revents != 0) outsiders_ += receive_shared(ports[0].fd, Way::state, now, drones_);
-    if (ports[1].revents != 0) outsiders_ += receive_shared(ports[1].fd, Way::video, now, drones_);
+    if (ports[0].revents != 0) outsiders_ += receive_shared(ports[0].fd, Direction::state, now, drones_);
+    if (ports[1].revents != 0) outsiders_ += receive_shared(ports[1].fd, Direction::video, now, drones_);
   }
   for (DroneSide& side : drones_) {
     side.receive(now, take(side.sockets()));
@@ -160,13 +159,14 @@ Result<std::string> Proxy::act(TimeNs now, const std::string& command) {
 
 void Proxy::set_all() {
   for (std::size_t i = 0; i < drones_.size(); ++i) {
-    for (const Way way : {Way::to, Way::answers, Way::state, Way::video}) drones_[i].impair(way, switches_.of(i, way));
+    for (const Direction way : {Direction::to, Direction::answers, Direction::state, Direction::video})
+      drones_[i].impair(way, switches_.of(i, way));
     drones_[i].misreport(switches_.sensors(i));
   }
   for (std::size_t i = 0; i < servers_.size(); ++i) {
     const std::size_t target = drones_.size() + i;
-    for (const Way way : {Way::to, Way::from}) servers_[i].impair(way, switches_.of(target, way));
-    if (switches_.take_cut(target)) servers_[i].cut();
+    for (const Direction way : {Direction::to, Direction::from}) servers_[i].impair(way, switches_.of(target, way));
+    if (switches_.pop_cut(target)) servers_[i].cut();
   }
 }
 

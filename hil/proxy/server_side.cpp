@@ -122,10 +122,10 @@ ServerSide::~ServerSide() {
   if (listener_ >= 0) ::close(listener_);
 }
 
-void ServerSide::impair(Way way, const Impairment& impairment) {
-  (way == Way::to ? to_ : from_) = impairment;
+void ServerSide::impair(Direction way, const Impairment& impairment) {
+  (way == Direction::to ? to_ : from_) = impairment;
   for (const auto& connection : connections_) {
-    const auto set = (way == Way::to ? connection->to : connection->from).link.set(impairment);
+    const auto set = (way == Direction::to ? connection->to : connection->from).link.set(impairment);
     if (!set) spdlog::error("{}: {}", route_.name, set.error().message);
   }
 }
@@ -207,8 +207,8 @@ void ServerSide::accept_all(TimeNs now) {
                                                 false,
                                                 {EmulatedLink(Kind::stream, seed), client, server},
                                                 {EmulatedLink(Kind::stream, seed + 1), server, client}}));
-    impair(Way::to, to_);
-    impair(Way::from, from_);
+    impair(Direction::to, to_);
+    impair(Direction::from, from_);
     // The socket reports what becomes of it.
     if (::connect(server, reinterpret_cast<const sockaddr*>(&route_.address), sizeof route_.address) == 0 ||
         errno == EINPROGRESS)
@@ -224,8 +224,8 @@ std::optional<TimeNs> ServerSide::next_due(TimeNs now) const {
   if (now < accept_from_) least = accept_from_;
   const auto consider = [&](const Half& half) {
     auto due = half.pending.empty() ? half.link.next_due() : std::nullopt;
-    if (!half.end_read && half.link.room(now) == 0) due = std::min(due.value_or(now + room_period), now + room_period);
-    if (due && (!least || *due < *least)) least = due;
+    if (!half.end_read && half.link.room(now) == 0) due = earlier(due, now + room_period);
+    least = earlier(least, due);
   };
   for (const auto& connection : connections_) {
     if (!connection->reached) continue;

@@ -29,7 +29,7 @@ class ServerSide {
   const ServerRoute& route() const { return route_; }
   /// Where it really listens.
   const sockaddr_in& listening() const { return listening_; }
-  void impair(Way way, const Impairment& impairment);
+  void impair(Direction way, const Impairment& impairment);
   /// Resets every connection.
   void cut();
   /// Adds the sockets that it waits for, sockets() of them.

@@ -13,8 +13,7 @@
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr auto way_names = std::to_array<std::string_view>({"to", "answers", "state", "video", "from"});
-static_assert(way_names.size() == ways);
+constexpr const auto& way_names = enum_names<Direction>;
 constexpr std::string_view allowed =
     "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
     "cut, sensor NAME FIELD|all stuck|garbage|bias N|says N|every TIME, of the shim sdk NAME answers|states FAULT, "
@@ -34,12 +33,12 @@ std::string_view take_word(std::string_view& text) {
   return word;
 }
 
-std::vector<Way> ways_of(const Target& target, std::string_view name) {
-  std::vector<Way> found;
+std::vector<Direction> ways_of(const Target& target, std::string_view name) {
+  std::vector<Direction> found;
   for (std::size_t i = 0; i < ways; ++i) {
-    const Way way{static_cast<int>(i)};
+    const Direction way{static_cast<int>(i)};
     if (!target.has(way)) continue;
-    const bool comes_back = way != Way::to;
+    const bool comes_back = way != Direction::to;
     if (name == way_names[i] || name == "both" || (name == "from" && comes_back)) found.push_back(way);
   }
   return found;
@@ -49,7 +48,7 @@ std::string kind_name(Target::Kind kind) { return kind == Target::Kind::drone ? 
 
 }  // namespace
 
-std::string_view name_of(Way way) { return way_names[static_cast<std::size_t>(way)]; }
+std::string_view name_of(Direction way) { return way_names[static_cast<std::size_t>(way)]; }
 
 Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadDay read_day)
     : targets_(std::move(targets)),
@@ -148,7 +147,7 @@ Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_
                                  : "to, from, both and cut")};
   auto changed = impairments_;
   for (const std::size_t i : *meant) {
-    for (const Way one : meant_ways) {
+    for (const Direction one : meant_ways) {
       Impairment& impairment = changed[i][static_cast<std::size_t>(one)];
       if (auto applied = apply_effects(rest, impairment, read_, read_day_); !applied) return applied;
       if (kind == Target::Kind::drone) continue;
@@ -159,7 +158,7 @@ Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_
   return done;
 }
 
-bool Switches::take_cut(std::size_t target) {
+bool Switches::pop_cut(std::size_t target) {
   const bool cut = cut_[target];
   cut_[target] = false;
   return cut;
@@ -224,7 +223,7 @@ Result<Script> Script::make(const std::vector<ScriptedFault>& faults, Switches s
     if (auto possible = alone.apply(command.text); !possible) return possible.error();
     for (std::size_t i = 0; i < timed.size(); ++i) {
       const std::size_t target = i / ways;
-      const Way way{static_cast<int>(i % ways)};
+      const Direction way{static_cast<int>(i % ways)};
       const unsigned wanted = command.on ? kinds_in(alone.of(target, way)) : 0;
       if ((wanted & (command.lasts ? kinds_in(switches.of(target, way)) : timed[i])) != 0)
         return wrong(command.text, fmt::format("{} {} has such an effect then, and the end of one would end both: let "
@@ -234,12 +233,12 @@ Result<Script> Script::make(const std::vector<ScriptedFault>& faults, Switches s
     }
     if (auto possible = switches.apply(command.text); !possible) return possible.error();
     for (std::size_t i = 0; i < timed.size(); ++i)
-      timed[i] &= kinds_in(switches.of(i / ways, Way{static_cast<int>(i % ways)}));
+      timed[i] &= kinds_in(switches.of(i / ways, Direction{static_cast<int>(i % ways)}));
   }
   return script;
 }
 
-std::optional<std::string> Script::take(TimeNs since_start) {
+std::optional<std::string> Script::pop(TimeNs since_start) {
   if (done_ == commands_.size() || commands_[done_].at_ns > since_start) return std::nullopt;
   return commands_[done_++].text;
 }

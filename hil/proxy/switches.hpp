@@ -9,14 +9,13 @@
 #include "common/rt/clock.hpp"
 #include "hil/netem/impairment.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
-#include "hil/netem/sensor_text.hpp"
 
 namespace ledgerline::hil::proxy {
 
 /// The directions of a drone and of a server, each impaired by itself.
-enum class Way { to, answers, state, video, from };
-inline constexpr std::size_t ways = enum_count<Way>;
-std::string_view name_of(Way way);
+enum class Direction { to, answers, state, video, from };
+inline constexpr std::size_t ways = enum_count<Direction>;
+std::string_view name_of(Direction way);
 
 /// A drone (UDP: to, answers, state, video) or a server (TCP: to, from) behind the proxy.
 struct Target {
@@ -24,9 +23,9 @@ struct Target {
   Kind kind = Kind::drone;
   std::string name;
   bool behind_shim = false;  ///< who stands between is the shim, which knows the SDK's calls, and has no video
-  bool has(Way way) const {
-    if (way == Way::video && behind_shim) return false;
-    return way == Way::to || (way == Way::from) == (kind == Kind::server);
+  bool has(Direction way) const {
+    if (way == Direction::video && behind_shim) return false;
+    return way == Direction::to || (way == Direction::from) == (kind == Kind::server);
   }
 };
 
@@ -38,7 +37,7 @@ struct Target {
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
 ///     server agent from stall                to, from, both
 ///     server agent cut                       its connections are reset, once
-///     sensor tello1 h stuck                  one more fault of hil/netem/sensor_text.hpp in that drone's state text
+///     sensor tello1 h stuck                  one more fault of hil/netem/sdk/sdk_faults.hpp in that drone's state text
 ///     sensor tello1 h stuck off              one less
 ///     sdk tello1 answers late 300ms          one more fault of hil/netem/sdk/sdk_faults.hpp; `off` as with sensors
 ///     clear                                  no effect and no fault is left
@@ -51,12 +50,13 @@ class Switches {
   static constexpr std::size_t max_faults = 16;  ///< of a drone's sensors at once, and as many of its SDK
 
   /// Names are unique within a kind.
-  explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once(),
-                    ReadDay read_day = reading_days_once());
+  explicit Switches(std::vector<Target> targets,
+                    ReadRecording read = reading_once<Distribution::Recording>(read_recording),
+                    ReadDay read_day = reading_once<Day>(hil::read_day));
 
   Status apply(std::string_view command);
   const std::vector<Target>& targets() const { return targets_; }
-  const Impairment& of(std::size_t target, Way way) const {
+  const Impairment& of(std::size_t target, Direction way) const {
     return impairments_[target][static_cast<std::size_t>(way)];
   }
   /// What the target's state text says wrongly; each has an `item` of its own.
@@ -64,7 +64,7 @@ class Switches {
   /// What goes wrong at the target's SDK, likewise.
   std::vector<SdkFault> sdk(std::size_t target) const { return faults_in(sdk_[target]); }
   /// Whether the target's connections are to be reset, since the last call.
-  bool take_cut(std::size_t target);
+  bool pop_cut(std::size_t target);
   /// One line of text a direction that is impaired, as a command would say it.
   std::string list() const;
 
@@ -111,7 +111,7 @@ class Script {
   static Result<Script> make(const std::vector<ScriptedFault>& faults, Switches switches, std::size_t* which = nullptr);
 
   /// The next command that is due at `since_start`; call until there is none.
-  std::optional<std::string> take(TimeNs since_start);
+  std::optional<std::string> pop(TimeNs since_start);
   std::optional<TimeNs> next() const;
 
  private:

@@ -19,7 +19,7 @@
 #include "common/program/stop_signals.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/settings.hpp"
-#include "hil/shim/scripted/scripted_agent.hpp"
+#include "hil/shim/scripted_agent.hpp"
 #include "hil/shim/wires.hpp"
 #include "hil/sitl/digester.hpp"
 #include "onboard/ipc/ipc.hpp"
@@ -29,18 +29,6 @@
 
 namespace ledgerline::hil::shim {
 namespace {
-
-/// A script flown by the real link, with simulated drones, and this program in agent's place.
-struct FlightOptions {
-  std::string memory;  ///< file of the shim; empty: UDP, from `first_address` on
-  std::string first_address = "127.0.0.2";
-  sim::Parameters parameters;
-  PlanScript script;
-  std::string faults_socket;   ///< empty: none
-  std::string datagrams_file;  ///< CSV of all that the drones were sent; empty: none
-  std::string summary_file;    ///< JSON; empty: none
-  double times = 1;            ///< lockstep: so many times as fast as real time; 0: as fast as it goes
-};
 
 /// What came of a flight by script: all that the drones were sent, link's transitions, where drones ended. One thread.
 class Record {
@@ -128,7 +116,7 @@ void sleep_for(TimeNs duration) {
   (void)::nanosleep(&wait, nullptr);  // a signal ends it early, and is looked at
 }
 
-Status write_all(Record& record, const FlightOptions& options, TimeNs now, const ScriptedAgent& agent,
+Status write_all(Record& record, const ScriptedFlight& options, TimeNs now, const ScriptedAgent& agent,
                  const sim::Simulator& drones, const SdkFaults::Counts& sdk) {
   const Status summary = record.write_summary(now, agent.transitions(), drones, sdk, options.summary_file);
   if (options.datagrams_file.empty()) return summary;
@@ -136,7 +124,7 @@ Status write_all(Record& record, const FlightOptions& options, TimeNs now, const
   return summary ? datagrams : summary;
 }
 
-Result<std::unique_ptr<sim::DroneWire>> open_wire(const FlightOptions& options,
+Result<std::unique_ptr<sim::DroneWire>> open_wire(const ScriptedFlight& options,
                                                   std::optional<drone_shim::DronesEnd>& end) {
   if (!options.memory.empty()) {
     auto opened = drone_shim::DronesEnd::open(options.memory);
@@ -154,12 +142,12 @@ Result<std::unique_ptr<sim::DroneWire>> open_wire(const FlightOptions& options,
 /// Everything of a flight in lockstep but the pace.
 class Lockstep {
  public:
-  Lockstep(const FlightOptions& options, drone_shim::DronesEnd& end, proxy::Script script)
+  Lockstep(const ScriptedFlight& options, drone_shim::DronesEnd& end, proxy::Script script)
       : end_(end),
         now_(end.memory().turns.now_ns.load(std::memory_order_relaxed)),
         drones_(options.parameters, now_),
         ways_(options.parameters.drones, options.parameters.seed),
-        switches_(DroneWays::targets(options.parameters.drones)),
+        switches_(DroneLinks::targets(options.parameters.drones)),
         faults_(std::move(script)),
         agent_(options.script, now_),
         record_(now_),
@@ -178,13 +166,13 @@ class Lockstep {
   /// One millisecond.
   Status step() {
     now_ += ns_per_ms;
-    while (const auto command = faults_.take(flown_ns())) {
+    while (const auto command = faults_.pop(flown_ns())) {
       if (const Status applied = switches_.apply(*command); !applied) return applied;
       ways_.set(switches_);
     }
     for (const sim::Outgoing& datagram : drones_.step(now_).datagrams) ways_.from_drone(now_, datagram);
     while (const auto datagram = ways_.to_client(now_)) {
-      if (!give(end_, *datagram)) return Error{"link did not take what its drones said"};
+      if (!send_to_client(end_, *datagram)) return Error{"link did not take what its drones said"};
     }
     if (!say()) return Error{"link did not take what agent said"};
     if (const Status made = turn(); !made) return made;
@@ -195,14 +183,14 @@ class Lockstep {
     while (const auto sent = ways_.to_drone(now_)) drones_.datagram(sent->drone, sent->from, sent->bytes);
     for (StateSample state; end_.memory().states.pop(state);) {
     }
-    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.take(transition);
+    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.add(transition);
     return done;
   }
 
   /// What link's publisher still carries comes first.
-  Status write(const FlightOptions& options) {
+  Status write(const ScriptedFlight& options) {
     sleep_for(50 * ns_per_ms);
-    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.take(transition);
+    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.add(transition);
     return write_all(record_, options, now_, agent_, drones_, ways_.sdk_counts());
   }
 
@@ -227,7 +215,7 @@ class Lockstep {
   drone_shim::DronesEnd& end_;
   TimeNs now_;
   sim::Simulator drones_;
-  DroneWays ways_;
+  DroneLinks ways_;
   proxy::Switches switches_;
   proxy::Script faults_;
   ScriptedAgent agent_;
@@ -262,12 +250,12 @@ class Pace {
 
 /// In lockstep: waits at most 30 s for link, then moves its clock, a turn a millisecond. SIGUSR1 halts the clock, and
 /// lets it go on. The same script, seed and build give the same bytes, however fast.
-Status fly_in_lockstep(const FlightOptions& options) {
+Status fly_in_lockstep(const ScriptedFlight& options) {
   catch_stop_signals();
   struct sigaction act {};
   act.sa_handler = toggle_halt;
   ::sigaction(SIGUSR1, &act, nullptr);
-  auto faults = proxy::Script::make(options.script.faults, proxy::Switches(DroneWays::targets(options.script.drones)));
+  auto faults = proxy::Script::make(options.script.faults, proxy::Switches(DroneLinks::targets(options.script.drones)));
   if (!faults) return faults.error();
   auto end = drone_shim::DronesEnd::open(options.memory, true);
   if (!end) return end.error();
@@ -285,7 +273,7 @@ Status fly_in_lockstep(const FlightOptions& options) {
 }
 
 /// In real time: link gets its plans by iceoryx, so RouDi must run. Until the script ends, or SIGINT or SIGTERM.
-Status fly_in_real_time(const FlightOptions& options) {
+Status fly_in_real_time(const ScriptedFlight& options) {
   const sigset_t waiting = catch_stop_signals_while_waiting();
   std::optional<drone_shim::DronesEnd> end;
   auto wire = open_wire(options, end);
@@ -327,7 +315,7 @@ Status fly_in_real_time(const FlightOptions& options) {
     for (const Plan& plan : said.plans) unsaid += link.send_plan(plan) ? 0 : 1;
     while (link.receive_state(state)) {
     }
-    for (Transition transition; link.receive_transition(transition);) agent.take(transition);
+    for (Transition transition; link.receive_transition(transition);) agent.add(transition);
   }
   const Status written = write_all(record, options, now, agent, drones, drones_wire.sdk_counts());
   if (unsaid > 0) return Error{fmt::format("link's shared memory took {} plans, poses or signs of life not", unsaid)};
@@ -344,12 +332,13 @@ const char* const ShimVerb::about =
 
 ShimVerb::ShimVerb(Verb verb) : verb_(std::move(verb)) {
   drones_.add_to(verb_);
-  const Option memory = verb_.option("--memory", memory_, "file in /dev/shm: link's [shim] memory");
-  verb_.option("--faults", faults_socket_, "Unix socket for `ledgerline hil faults`: drone, sensor and sdk commands");
+  const Option memory = verb_.option("--memory", flight_.memory, "file in /dev/shm: link's [shim] memory");
+  verb_.option("--faults", flight_.faults_socket,
+               "Unix socket for `ledgerline hil faults`: drone, sensor and sdk commands");
   verb_.option("--script", faults_file_, "TOML file of [[fault]]: what is switched when").existing_file();
   const Option plans =
       verb_.option("--plans", plans_, "TOML file: what agent says to link, and faults").existing_file();
-  verb_.option("--udp", address_, "of tello1, with --plans: the same over UDP, to compare")
+  verb_.option("--udp", flight_.first_address, "of tello1, with --plans: the same over UDP, to compare")
       .needs(plans)
       .excludes(memory);
   verb_
@@ -357,26 +346,28 @@ ShimVerb::ShimVerb(Verb verb) : verb_(std::move(verb)) {
               "this program moves link's clock: so many times as fast as real time, or `free`; SIGUSR1 halts it")
       .needs(plans)
       .needs(memory);
-  verb_.option("--datagrams", datagrams_, "CSV file: all that the drones were sent").needs(plans);
+  verb_.option("--datagrams", flight_.datagrams_file, "CSV file: all that the drones were sent").needs(plans);
 }
 
 Status ShimVerb::read() {
   if (const Status read = drones_.read(); !read) return read;
-  if (memory_.empty() && address_.empty()) return Error{"--memory FILE is needed (or --plans with --udp)"};
+  if (flight_.memory.empty() && flight_.first_address.empty())
+    return Error{"--memory FILE is needed (or --plans with --udp)"};
   if (!plans_.empty() && !faults_file_.empty()) return Error{"--script: with --plans its file has the [[fault]]s"};
   for (const char* option : {"--trace", "--drones", "--mocap-hz", "--config"}) {
     if (!plans_.empty() && verb_.given(option))
       return Error{fmt::format("{}: does nothing with --plans, whose file has the drones and whose poses are the truth",
                                option)};
   }
-  if (!lockstep_.empty() && !faults_socket_.empty())
+  if (!lockstep_.empty() && !flight_.faults_socket.empty())
     return Error{"--faults: in lockstep a script alone says what goes wrong, or it would not be the same each time"};
   if (lockstep_.empty() || lockstep_ == "free") {
-    times_ = lockstep_.empty() ? 1 : 0;
+    flight_.times = lockstep_.empty() ? 1 : 0;
     return done;
   }
-  const auto [end, error] = std::from_chars(lockstep_.data(), lockstep_.data() + lockstep_.size(), times_);
-  if (error != std::errc{} || end != lockstep_.data() + lockstep_.size() || times_ < 0.01 || times_ > 1000)
+  const auto [end, error] = std::from_chars(lockstep_.data(), lockstep_.data() + lockstep_.size(), flight_.times);
+  if (error != std::errc{} || end != lockstep_.data() + lockstep_.size() || flight_.times < 0.01 ||
+      flight_.times > 1000)
     return Error{"--lockstep: must be from 0.01 to 1000, or free"};
   return done;
 }
@@ -384,22 +375,22 @@ Status ShimVerb::read() {
 int ShimVerb::run() {
   if (const Status status = read(); !status) return fail(status.error(), exit_usage);
   if (!plans_.empty()) return fly_by_script();
-  Faults faults{faults_socket_, {}};
+  Faults faults{flight_.faults_socket, {}};
   const int count = drones_.shell.parameters.drones;
   if (!faults_file_.empty()) {
     auto config = Config::load(faults_file_);
     if (!config) return fail(config.error(), exit_usage);
-    faults.scripted = proxy::read_faults(*config, DroneWays::targets(count));
+    faults.scripted = proxy::read_faults(*config, DroneLinks::targets(count));
     if (const Status read = config->finish(); !read) return fail(read.error(), exit_usage);
   }
   std::optional<drone_shim::DronesEnd> end;
   const auto open = [&]() -> Result<std::unique_ptr<sim::DroneWire>> {
-    auto opened = drone_shim::DronesEnd::open(memory_);
+    auto opened = drone_shim::DronesEnd::open(flight_.memory);
     if (!opened) return opened.error();
     end.emplace(std::move(*opened));
     auto wire = BentWire::open(std::make_unique<ShimWire>(*end), count, drones_.shell.parameters.seed, faults);
     if (!wire) return wire.error();
-    spdlog::info("{} drone(s) behind {}, mocap {} Hz", count, memory_, drones_.shell.parameters.mocap_hz);
+    spdlog::info("{} drone(s) behind {}, mocap {} Hz", count, flight_.memory, drones_.shell.parameters.mocap_hz);
     return std::unique_ptr<sim::DroneWire>(std::move(*wire));
   };
   return exit_code(sim::run_real_time(drones_.shell, open, R"({"ready":true,"program":"ledgerline-hil"})"));
@@ -408,17 +399,11 @@ int ShimVerb::run() {
 int ShimVerb::fly_by_script() {
   auto script = load_plan_script(plans_);
   if (!script) return fail(script.error(), exit_usage);
-  FlightOptions options;
-  options.memory = memory_;
-  options.first_address = address_;
-  options.parameters = drones_.shell.parameters;
-  options.parameters.drones = script->drones;
-  options.script = std::move(*script);
-  options.faults_socket = faults_socket_;
-  options.datagrams_file = datagrams_;
-  options.summary_file = drones_.shell.summary_file;
-  options.times = times_;
-  return exit_code(lockstep_.empty() ? fly_in_real_time(options) : fly_in_lockstep(options));
+  flight_.parameters = drones_.shell.parameters;
+  flight_.parameters.drones = script->drones;
+  flight_.script = std::move(*script);
+  flight_.summary_file = drones_.shell.summary_file;
+  return exit_code(lockstep_.empty() ? fly_in_real_time(flight_) : fly_in_lockstep(flight_));
 }
 
 }  // namespace ledgerline::hil::shim

@@ -3,9 +3,22 @@
 
 #include "common/base/result.hpp"
 #include "common/program/command_line.hpp"
-#include "sim/shell/sim_options.hpp"
+#include "hil/shim/scripted_agent.hpp"
+#include "sim/shell/shell.hpp"
 
 namespace ledgerline::hil::shim {
+
+/// A script flown by the real link, with simulated drones, and this program in agent's place.
+struct ScriptedFlight {
+  std::string memory;         ///< file of the shim; empty: UDP, from `first_address` on
+  std::string first_address;  ///< of tello1
+  sim::Parameters parameters;
+  PlanScript script;
+  std::string faults_socket;   ///< empty: none
+  std::string datagrams_file;  ///< CSV of all that the drones were sent; empty: none
+  std::string summary_file;    ///< JSON; empty: none
+  double times = 1;            ///< lockstep: so many times as fast as real time; 0: as fast as it goes
+};
 
 /// `ledgerline hil shim`: its options, and what they do. Must outlive the parsing.
 class ShimVerb {
@@ -13,7 +26,7 @@ class ShimVerb {
   static const char* const about;
 
   explicit ShimVerb(Verb verb);
-  bool given() const { return verb_.given(); }
+  bool is_given() const { return verb_.given(); }
   /// The exit code.
   int run();
 
@@ -23,8 +36,8 @@ class ShimVerb {
 
   Verb verb_;
   sim::SimOptions drones_;
-  std::string memory_, address_, plans_, faults_file_, faults_socket_, datagrams_, lockstep_;
-  double times_ = 1;
+  ScriptedFlight flight_;
+  std::string plans_, faults_file_, lockstep_;
 };
 
 }  // namespace ledgerline::hil::shim

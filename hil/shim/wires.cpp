@@ -1,5 +1,6 @@
 #include "hil/shim/wires.hpp"
 
+#include <fmt/format.h>
 #include <poll.h>
 
 #include <algorithm>
@@ -9,7 +10,7 @@
 
 namespace ledgerline::hil::shim {
 
-bool give(drone_shim::DronesEnd& end, const sim::Outgoing& datagram) {
+bool send_to_client(drone_shim::DronesEnd& end, const sim::Outgoing& datagram) {
   using Port = drone_shim::Datagram::Port;
   return end.send(datagram.drone, datagram.to.port == sim::state_port ? Port::state : Port::answer, datagram.bytes);
 }
@@ -29,12 +30,12 @@ bool ShimWire::receive(Received& out) {
 }
 
 void ShimWire::send(const sim::Outgoing& datagram) {
-  if (!give(end_, datagram)) ++unsent_;
+  if (!send_to_client(end_, datagram)) ++unsent_;
 }
 
 Result<std::unique_ptr<BentWire>> BentWire::open(std::unique_ptr<sim::DroneWire> wire, int drones, std::uint64_t seed,
                                                  const Faults& faults) {
-  const proxy::Switches switches(DroneWays::targets(drones));
+  const proxy::Switches switches(DroneLinks::targets(drones));
   auto script = proxy::Script::make(faults.scripted, switches);
   if (!script) return script.error();
   std::unique_ptr<BentWire> bent(new BentWire(std::move(wire), drones, seed, switches, std::move(*script)));
@@ -56,7 +57,7 @@ bool BentWire::wait(TimeNs until, const sigset_t& signals_while_waiting) {
   if (const auto next = script_.next()) wake = std::min(wake, start_ns_ + *next);
   const bool waited = wire_->wait(wake, signals_while_waiting);
   const TimeNs then = monotonic_ns();
-  while (const auto command = script_.take(then - start_ns_)) {
+  while (const auto command = script_.pop(then - start_ns_)) {
     if (const auto acted = act(*command); !acted) spdlog::error("{}", acted.error().message);
   }
   if (socket_) {
@@ -95,6 +96,104 @@ Result<std::string> BentWire::act(const std::string& command) {
   ways_.set(switches_);
   spdlog::info("{}", command);
   return std::string();
+}
+
+namespace {
+
+std::uint64_t tag_of(sim::Endpoint endpoint) { return std::uint64_t{endpoint.address} << 16 | endpoint.port; }
+sim::Endpoint endpoint_of(std::uint64_t tag) {
+  return {static_cast<std::uint32_t>(tag >> 16), static_cast<std::uint16_t>(tag)};
+}
+
+}  // namespace
+
+DroneLinks::DroneLinks(int drones, std::uint64_t seed) : sdk_(seed, static_cast<std::size_t>(drones)) {
+  Random seeds(seed);
+  for (int k = 0; k < drones; ++k) {
+    drones_.push_back({{EmulatedLink(EmulatedLink::Kind::datagrams, seeds.next()),
+                        EmulatedLink(EmulatedLink::Kind::datagrams, seeds.next()),
+                        EmulatedLink(EmulatedLink::Kind::datagrams, seeds.next())},
+                       {},
+                       Random(seeds.next()),
+                       {},
+                       {}});
+  }
+}
+
+std::vector<proxy::Target> DroneLinks::targets(int drones) {
+  std::vector<proxy::Target> targets;
+  for (int k = 1; k <= drones; ++k) targets.push_back({proxy::Target::Kind::drone, fmt::format("tello{}", k), true});
+  return targets;
+}
+
+void DroneLinks::set(const proxy::Switches& switches) {
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    Drone& drone = drones_[i];
+    for (const auto& [way, switched] :
+         {std::pair(Direction::to, proxy::Direction::to), std::pair(Direction::answers, proxy::Direction::answers),
+          std::pair(Direction::state, proxy::Direction::state)}) {
+      if (const Status set = drone.link_of(way).set(switches.of(i, switched)); !set)
+        spdlog::error("{}", set.error().message);
+    }
+    renew(drone.sensors, switches.sensors(i));
+    if (const Status set = sdk_.set(i, switches.sdk(i)); !set) spdlog::error("{}", set.error().message);
+  }
+}
+
+void DroneLinks::from_client(TimeNs now, DroneNumber drone, sim::Endpoint client, std::string_view bytes) {
+  if (drone == 0 || drone > drones_.size()) return;
+  drones_[drone - 1u].link_of(Direction::to).push(now, bytes, tag_of(client));
+}
+
+void DroneLinks::from_drone(TimeNs now, const sim::Outgoing& datagram) {
+  const std::size_t i = datagram.drone - 1u;
+  Drone& drone = drones_[i];
+  if (datagram.to.port != sim::state_port) {
+    drone.client = datagram.to;
+    sdk_.answer(now, i, datagram.bytes);
+  } else {
+    drone.listener = datagram.to;
+    std::string text = datagram.bytes;
+    if (misreport(now, drone.sensors, drone.noise, text)) sdk_.state(now, i, text);
+  }
+  push_due(now);
+}
+
+void DroneLinks::push_due(TimeNs now) {
+  while (auto unit = sdk_.pop(now)) {
+    Drone& drone = drones_[unit->drone];
+    drone.link_of(unit->is_state ? Direction::state : Direction::answers)
+        .push(now, unit->bytes, tag_of(unit->is_state ? drone.listener : drone.client));
+  }
+}
+
+std::optional<DroneLinks::ToDrone> DroneLinks::to_drone(TimeNs now) {
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    auto unit = drones_[i].link_of(Direction::to).pop(now);
+    if (!unit) continue;
+    sdk_.command(now, i, unit->bytes);
+    return ToDrone{static_cast<DroneNumber>(i + 1), endpoint_of(unit->tag), std::move(unit->bytes)};
+  }
+  return std::nullopt;
+}
+
+std::optional<sim::Outgoing> DroneLinks::to_client(TimeNs now) {
+  push_due(now);
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    for (const Direction way : {Direction::answers, Direction::state}) {
+      if (auto unit = drones_[i].link_of(way).pop(now))
+        return sim::Outgoing{static_cast<DroneNumber>(i + 1), endpoint_of(unit->tag), std::move(unit->bytes)};
+    }
+  }
+  return std::nullopt;
+}
+
+std::optional<TimeNs> DroneLinks::next_due() const {
+  std::optional<TimeNs> due = sdk_.next_due();
+  for (const Drone& drone : drones_) {
+    for (const EmulatedLink& link : drone.links) due = earlier(due, link.next_due());
+  }
+  return due;
 }
 
 }  // namespace ledgerline::hil::shim

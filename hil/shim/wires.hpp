@@ -1,21 +1,72 @@
 #pragma once
+#include <array>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/program/socket/command_socket.hpp"
-#include "hil/shim/drone_ways.hpp"
+#include "hil/netem/emulated_link.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
+#include "hil/proxy/switches.hpp"
 #include "onboard/shim/mapping.hpp"
-#include "sim/shell/drone_wire.hpp"
+#include "sim/core/simulator.hpp"
+#include "sim/shell/drone_sockets.hpp"
 
 /// The wires of the simulated drones of `ledgerline hil shim`. One thread.
 namespace ledgerline::hil::shim {
+
+/// What lies between clients and simulated drones, without a network: for each drone three emulated links (to it, its
+/// answers, its state text), what its state text says wrongly, and what goes wrong at its SDK. A core; the same seed,
+/// switches and calls give the same bytes. One thread; `now` never goes back.
+class DroneLinks {
+ public:
+  DroneLinks(int drones, std::uint64_t seed);
+
+  /// The drones as targets of switches: tello1, tello2, ... No video: the simulator sends none.
+  static std::vector<proxy::Target> targets(int drones);
+  /// From now on; of Switches over targets().
+  void set(const proxy::Switches& switches);
+
+  /// What a client said to a drone; a drone that there is not is nobody's.
+  void from_client(TimeNs now, DroneNumber drone, sim::Endpoint client, std::string_view bytes);
+  /// What a drone sends to its client: an answer, or state text (to port 8890).
+  void from_drone(TimeNs now, const sim::Outgoing& datagram);
+
+  struct ToDrone {
+    DroneNumber drone = 0;
+    sim::Endpoint from;
+    std::string bytes;
+  };
+  /// What is due; call until there is none.
+  std::optional<ToDrone> to_drone(TimeNs now);
+  std::optional<sim::Outgoing> to_client(TimeNs now);
+  const SdkFaults::Counts& sdk_counts() const { return sdk_.counts(); }
+  /// When one of the two will give something; none: not before something comes or is switched.
+  std::optional<TimeNs> next_due() const;
+
+ private:
+  enum class Direction : std::uint8_t { to, answers, state };
+  static constexpr std::size_t way_count = 3;
+  struct Drone {
+    std::array<EmulatedLink, way_count> links;
+    std::vector<SensorFault> sensors;
+    Random noise;
+    sim::Endpoint client;    ///< that said the newest command: answers of the SDK's faults go there
+    sim::Endpoint listener;  ///< where its state text goes
+    EmulatedLink& link_of(Direction way) { return links[static_cast<std::size_t>(way)]; }
+  };
+  void push_due(TimeNs now);
+  std::vector<Drone> drones_;
+  SdkFaults sdk_;
+};
 
 /// The process that speaks through the shim's memory is the drones' one client.
 inline constexpr sim::Endpoint link_endpoint{1, sim::command_port};
 
 /// To the process at the other end of the memory; false: there is no room.
-bool give(drone_shim::DronesEnd& end, const sim::Outgoing& datagram);
+bool send_to_client(drone_shim::DronesEnd& end, const sim::Outgoing& datagram);
 
 /// The shim's memory. Nobody wakes this end, since link's loop makes no system call for it: what link said is taken at
 /// the simulation's next step, at most 1 ms later.
@@ -41,7 +92,7 @@ struct Faults {
   std::vector<proxy::ScriptedFault> scripted;  ///< after its beginning
 };
 
-/// Another wire, with DroneWays behind it that a script and a socket switch.
+/// Another wire, with DroneLinks behind it that a script and a socket switch.
 class BentWire final : public sim::DroneWire {
  public:
   /// Checks the script as a whole; takes the socket.
@@ -60,12 +111,12 @@ class BentWire final : public sim::DroneWire {
   void send_due(TimeNs now);
 
   std::unique_ptr<sim::DroneWire> wire_;
-  DroneWays ways_;
+  DroneLinks ways_;
   proxy::Switches switches_;
   proxy::Script script_;
   std::optional<CommandSocket> socket_;
   TimeNs start_ns_ = 0;  ///< 0: it has not begun
-  DroneWays::ToDrone handed_;
+  DroneLinks::ToDrone handed_;
 };
 
 }  // namespace ledgerline::hil::shim

@@ -17,7 +17,7 @@ constexpr TimeNs truth_period_ns = 33 * ns_per_ms;
 class Observer {
  public:
   explicit Observer(SimulatedWorld& world)
-      : world_(world), tracking_(world.facts().size()), heights_(world.facts().size()) {}
+      : world_(world), tracking_(world.drones().size()), heights_(world.drones().size()) {}
 
   SimulatedFlightResult fly(TimeNs max_ns) {
     TimeNs next_truth_ns = 0;
@@ -32,7 +32,7 @@ class Observer {
 
  private:
   void track(std::size_t i) {
-    const DroneFacts& drone = world_.facts()[i];
+    const DroneObservation& drone = world_.drones()[i];
     if (!drone.off_path_m) return;
     const double height_m = drone.truth.position_m[2];
     if (tracking_[i].empty()) heights_[i] = {height_m, height_m};

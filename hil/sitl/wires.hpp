@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/msg/onboard.hpp"
 #include "hil/netem/emulated_link.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
-#include "hil/netem/sensor_text.hpp"
 #include "onboard/link/core/link_core.hpp"
 #include "sim/core/simulator.hpp"
 
@@ -23,7 +23,7 @@ struct WorldConfig;
 
 /// What goes between the parts: to a drone's port 8889, its answers, its state text, its mocap, agent's plans for it.
 enum class DroneTraffic : std::uint8_t { to, answers, states, mocap, plans };
-inline constexpr std::size_t drone_traffic_count = 5;
+inline constexpr std::size_t drone_traffic_count = enum_count<DroneTraffic>;
 
 /// What mocap says wrongly about a drone.
 struct MocapFault {
@@ -83,7 +83,7 @@ void put(std::deque<T>& queue, const T& value, std::size_t most) {
 }
 
 template <typename T>
-std::vector<T> take(std::deque<T>& queue) {
+std::vector<T> pop_all(std::deque<T>& queue) {
   std::vector<T> all(queue.begin(), queue.end());
   queue.clear();
   return all;

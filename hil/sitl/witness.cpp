@@ -1,6 +1,7 @@
 #include "hil/sitl/witness.hpp"
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <cmath>
@@ -70,7 +71,7 @@ std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link
 
 Witness::Witness(const WorldConfig& config, const sim::Simulator& sim) {
   for (int k = 1; k <= config.drones; ++k) {
-    DroneFacts facts;
+    DroneObservation facts;
     facts.name = drone_name(k);
     facts.number = static_cast<DroneNumber>(k);
     const sim::Truth truth = sim.truth(facts.number);
@@ -79,7 +80,7 @@ Witness::Witness(const WorldConfig& config, const sim::Simulator& sim) {
     facts.corners = corners_of(course);
     facts.laps = task_of(config, k).laps;
     if (config.manual) courses_.push_back(course);
-    facts_.push_back(facts);
+    drones_.push_back(facts);
     asked_.emplace_back();
   }
 }
@@ -90,13 +91,13 @@ void Witness::note(TimeNs now, WorldEvent::Kind kind, std::size_t drone, std::st
 
 void Witness::begin_step() { events_ = std::exchange(noted_, {}); }
 
-void Witness::given(const std::vector<Pose>& poses) {
-  for (const Pose& pose : poses) facts_[pose.drone - 1U].pose = pose;
+void Witness::on_poses(const std::vector<Pose>& poses) {
+  for (const Pose& pose : poses) drones_[pose.drone - 1U].pose = pose;
 }
 
-void Witness::given(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& plans) {
+void Witness::on_plans(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& plans) {
   for (const Plan& plan : plans) {
-    DroneFacts& facts = facts_[plan.drone - 1U];
+    DroneObservation& facts = drones_[plan.drone - 1U];
     // From the first word on, however often it is said.
     if (plan.action == PlanAction::land && facts.phase == FlightPhase::flying && facts.land_until_ns == 0)
       facts.land_until_ns = now + from_seconds(link::SeparationSettings{}.landing_wait_s);
@@ -110,51 +111,46 @@ void Witness::given(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& p
   }
 }
 
-void Witness::asked(const fabric::Call& call) {
+void Witness::on_call_signed(const fabric::Call& call) {
   if (call.args.empty()) return;
-  const auto of = [&](const std::string& drone) -> SignedRequests* {
-    for (std::size_t i = 0; i < facts_.size(); ++i) {
-      if (facts_[i].name == drone) return &asked_[i];
-    }
-    return nullptr;
+  const auto act_on = [&](const std::string& drone, const auto& act) {
+    const auto named = std::ranges::find(drones_, drone, &DroneObservation::name);
+    if (named != drones_.end()) act(asked_[static_cast<std::size_t>(named - drones_.begin())]);
   };
   CommandCall command;
   DronesCall stop;  // or clear_stop
   if (call.function == contract::command && parse_message(call.args[0], command)) {
-    for (const DronePlan& plan : command.plans()) {
-      if (SignedRequests* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
-    }
-  } else if (call.function == contract::stop && parse_message(call.args[0], stop)) {
+    for (const DronePlan& plan : command.plans())
+      act_on(plan.drone(), [&](SignedRequests& drone) { drone.plans.insert(key_of(plan)); });
+  } else if ((call.function == contract::stop || call.function == contract::clear_stop) &&
+             parse_message(call.args[0], stop)) {
+    const bool stops = call.function == contract::stop;
     for (const std::string& name : stop.drones()) {
-      SignedRequests* drone = of(name);
-      if (!drone) continue;
-      drone->stop = true;
-      drone->cut = drone->cut || stop.cut();
-    }
-  } else if (call.function == contract::clear_stop && parse_message(call.args[0], stop)) {
-    for (const std::string& name : stop.drones()) {
-      if (SignedRequests* drone = of(name)) drone->clear_stop = true;
+      act_on(name, [&](SignedRequests& drone) {
+        (stops ? drone.stop : drone.clear_stop) = true;
+        drone.cut = drone.cut || (stops && stop.cut());
+      });
     }
   }
 }
 
-void Witness::committed(const fabric::Call& call) {
+void Witness::on_call_committed(const fabric::Call& call) {
   DronesCall stop;
   if (call.function != contract::stop || call.args.empty() || !parse_message(call.args[0], stop)) return;
-  for (std::size_t i = 0; i < facts_.size(); ++i) {
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
     const auto& names = stop.drones();
-    if (std::find(names.begin(), names.end(), facts_[i].name) != names.end()) asked_[i].stopped = true;
+    if (std::find(names.begin(), names.end(), drones_[i].name) != names.end()) asked_[i].stopped = true;
   }
 }
 
-void Witness::said(const StateSample& state) {
+void Witness::on_state_reported(const StateSample& state) {
   constexpr std::size_t kept = 4096;  // four seconds at a thousand a second; ground takes older ones no more
   auto& said = asked_[state.drone - 1U].said;
   said.push_back(state);
   if (said.size() > kept) said.pop_front();
 }
 
-void Witness::shown(TimeNs now, std::size_t drone, const StateSample& state) {
+void Witness::on_state_shown(TimeNs now, std::size_t drone, const StateSample& state) {
   const auto& said = asked_[drone].said;
   const auto same = [&](const StateSample& one) {
     return one.boot_id == state.boot_id && one.sequence == state.sequence;
@@ -165,7 +161,7 @@ void Witness::shown(TimeNs now, std::size_t drone, const StateSample& state) {
   events_.push_back({now, WorldEvent::Kind::unasked, drone, 0, "ground flies by a state that link never said"});
 }
 
-void Witness::handed_unasked(TimeNs now, const Plan& plan) {
+void Witness::check_handed(TimeNs now, const Plan& plan) {
   const SignedRequests& asked = asked_[plan.drone - 1U];
   const bool known = plan.action == PlanAction::stop                    ? asked.stop
                      : plan.action == PlanAction::cut                   ? asked.cut
@@ -177,14 +173,14 @@ void Witness::handed_unasked(TimeNs now, const Plan& plan) {
       {now, WorldEvent::Kind::unasked, plan.drone - 1U, 0, "agent hands on what nobody signed", plan.sequence});
 }
 
-void Witness::handed(TimeNs now, const Plan& plan) {
+void Witness::on_plan_handed(TimeNs now, const Plan& plan) {
   if (link::is_empty_plan(plan)) return;  // nobody's: a lease has ended
-  handed_unasked(now, plan);
+  check_handed(now, plan);
   if (is_contract_action(plan.action)) return;
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }
 
-void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command, double yaw_rad) {
+void Witness::on_command_sent(TimeNs now, DroneNumber drone, std::string_view command, double yaw_rad) {
   const std::size_t i = drone - 1U;
   const auto words = words_of(command);
   if (words.empty() || words[0] != "rc") {
@@ -199,16 +195,16 @@ void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command, doub
     if (good) sticks[k] = *value / 100 * rc_full_mps;
   }
   if (!good) events_.push_back({now, WorldEvent::Kind::bad_rc, i, 0, std::string(command)});
-  DroneFacts& facts = facts_[i];
+  DroneObservation& facts = drones_[i];
   facts.sent_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
   // rc is right, forward, up
-  facts.sent = {sticks[1] * std::cos(yaw_rad) + sticks[0] * std::sin(yaw_rad),
-                sticks[1] * std::sin(yaw_rad) - sticks[0] * std::cos(yaw_rad), sticks[2]};
+  const Eigen::Vector2d on_map = Eigen::Rotation2Dd(yaw_rad) * Eigen::Vector2d(sticks[1], -sticks[0]);
+  facts.sent = {on_map.x(), on_map.y(), sticks[2]};
   facts.sent_ns = now;
 }
 
-void Witness::traced(TimeNs now, const TraceRecord& record) {
-  DroneFacts& facts = facts_[record.drone - 1U];
+void Witness::on_trace(TimeNs now, const TraceRecord& record) {
+  DroneObservation& facts = drones_[record.drone - 1U];
   if (record.kind == TraceKind::mode) {
     facts.phase = static_cast<FlightPhase>(record.id);
     facts.mode = static_cast<FailsafeMode>(record.extra);
@@ -221,8 +217,8 @@ void Witness::traced(TimeNs now, const TraceRecord& record) {
   }
 }
 
-void Witness::link_ended() {
-  for (DroneFacts& facts : facts_) {
+void Witness::on_link_ended() {
+  for (DroneObservation& facts : drones_) {
     facts.phase = FlightPhase::disconnected;
     facts.mode = FailsafeMode::none;
     facts.cause = FailsafeCause::none;
@@ -233,8 +229,8 @@ void Witness::link_ended() {
 void Witness::end_step(TimeNs now, const sim::Simulator& sim, const ground::FlightCore* ground,
                        const link::LinkCore* link) {
   for (WorldEvent& event : std::exchange(noted_, {})) events_.push_back(std::move(event));
-  for (std::size_t i = 0; i < facts_.size(); ++i) {
-    DroneFacts& facts = facts_[i];
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    DroneObservation& facts = drones_[i];
     facts.truth = sim.truth(facts.number);
     if (link) {
       const TimeNs sent_ns = facts.sent_until_ns == 0 ? 0 : facts.sent_until_ns + link->margin_ns(facts.number);
@@ -255,8 +251,8 @@ void Witness::end_step(TimeNs now, const sim::Simulator& sim, const ground::Flig
 }
 
 bool Witness::all_down() const {
-  return std::all_of(facts_.begin(), facts_.end(),
-                     [](const DroneFacts& facts) { return on_ground(facts.truth) && !in_flight(facts.phase); });
+  return std::all_of(drones_.begin(), drones_.end(),
+                     [](const DroneObservation& facts) { return on_ground(facts.truth) && !in_flight(facts.phase); });
 }
 
 }  // namespace ledgerline::hil

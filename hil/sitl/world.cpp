@@ -35,8 +35,8 @@ Status SimulatedWorld::set_up() {
   }
   agent_.port().forget();  // what came before the processes
   ground_.port().forget();
-  ledger.on_asked([this](const fabric::Call& call) { shared_.witness.asked(call); });
-  ledger.on_committed([this](const fabric::Call& call) { shared_.witness.committed(call); });
+  ledger.on_call_proposed([this](const fabric::Call& call) { shared_.witness.on_call_signed(call); });
+  ledger.on_committed([this](const fabric::Call& call) { shared_.witness.on_call_committed(call); });
   link_.start();
   if (config.mode == WorldConfig::Mode::ledger) {
     if (auto s = agent_.start(); !s) return s;
@@ -44,17 +44,17 @@ Status SimulatedWorld::set_up() {
   return ground_.start();
 }
 
-void SimulatedWorld::say(MissionWord word) {
-  if (const Status said = ground_.say(word); !said)
+void SimulatedWorld::post_mission_command(MissionCommand word) {
+  if (const Status said = ground_.apply(word); !said)
     note(WorldEvent::Kind::fault, 0, "the mission's operator is refused: " + said.error().message);
 }
 
-void SimulatedWorld::say_control(Stopper who, std::size_t drone, ControlWord word) {
-  ground_.stoppers().say(now(), who, drone_name(static_cast<int>(drone) + 1), word);
+void SimulatedWorld::post_control(Stopper who, std::size_t drone, ControlCommand word) {
+  ground_.stoppers().post(now(), who, drone_name(static_cast<int>(drone) + 1), word);
 }
 
 std::string SimulatedWorld::plans_text(std::size_t drone) const {
-  return hil::plans_text(agent(), link(), drone, facts()[drone].number);
+  return hil::plans_text(agent(), link(), drone, drones()[drone].number);
 }
 
 void SimulatedWorld::step() {
@@ -65,7 +65,7 @@ void SimulatedWorld::step() {
   agent_.port().step(now());
   ground_.step_port();
   if (shared_.config.mode == WorldConfig::Mode::local) {
-    agent_.give_plans(ground_.step_local(agent_.step_local()));
+    agent_.apply_plans(ground_.step_local(agent_.step_local()));
   } else {
     agent_.step(stopped(Process::agent), link_.running());
     ground_.step(stopped(Process::ground));
@@ -100,12 +100,12 @@ void SimulatedWorld::step_sim() {
       drone_network.push(now(), DroneTraffic::answers, unit->bytes);
     }
   }
-  for (std::size_t i = 0; i < facts().size(); ++i) {
+  for (std::size_t i = 0; i < drones().size(); ++i) {
     for (const auto& [at, port] :
          {std::pair(DroneTraffic::answers, link::Port::answer), std::pair(DroneTraffic::states, link::Port::state)}) {
       while (auto unit = network(i).pop(now(), at)) {
         if (link_.lives() && wires.to_link.size() < socket_queue)
-          wires.to_link.push_back({facts()[i].number, port, std::move(unit->bytes)});
+          wires.to_link.push_back({drones()[i].number, port, std::move(unit->bytes)});
       }
     }
   }
@@ -130,11 +130,11 @@ void SimulatedWorld::step_link() {
 }
 
 void SimulatedWorld::deliver_to_drones() {
-  for (std::size_t i = 0; i < facts().size(); ++i) {
+  for (std::size_t i = 0; i < drones().size(); ++i) {
     while (auto unit = network(i).pop(now(), DroneTraffic::to)) {
       shared_.digester.put(unit->bytes);
       shared_.wires.sdk.command(now(), i, unit->bytes);
-      shared_.sim.datagram(facts()[i].number, link_endpoint, unit->bytes);
+      shared_.sim.datagram(drones()[i].number, link_endpoint, unit->bytes);
     }
   }
 }
@@ -142,40 +142,25 @@ void SimulatedWorld::deliver_to_drones() {
 bool SimulatedWorld::over() const { return quiet_since_ns_ != 0 && now() - quiet_since_ns_ >= quiet_ns; }
 
 bool SimulatedWorld::lives(Process process) const {
-  switch (process) {
-    case Process::agent:
-      return agent_.lives();
-    case Process::link:
-      return link_.lives();
-    case Process::ground:
-      return ground_.lives();
-  }
-  return false;
+  return process == Process::agent ? agent_.lives() : process == Process::link ? link_.lives() : ground_.lives();
 }
 
 void SimulatedWorld::kill(Process process) {
+  const bool lived = lives(process);
   // Also one that is not there yet, since its start waits for the ledger.
-  if (process == Process::agent) agent_.want(false);
-  if (process == Process::ground) ground_.want(false);
-  if (!lives(process)) return;
-  switch (process) {
-    case Process::agent:
-      agent_.kill();
-      break;
-    case Process::link:
-      link_.kill();
-      break;
-    case Process::ground:
-      ground_.kill();
-      break;
-  }
+  if (process == Process::agent) agent_.set_wanted(false);
+  if (process == Process::ground) ground_.set_wanted(false);
+  if (!lived) return;
+  if (process == Process::agent) agent_.kill();
+  if (process == Process::link) link_.kill();
+  if (process == Process::ground) ground_.kill();
   note(WorldEvent::Kind::ended, 0, name_of(process));
 }
 
 void SimulatedWorld::start(Process process) {
   if (lives(process)) return;
-  if (process == Process::agent) agent_.want(true);
-  if (process == Process::ground) ground_.want(true);
+  if (process == Process::agent) agent_.set_wanted(true);
+  if (process == Process::ground) ground_.set_wanted(true);
   if (process != Process::link) return;
   link_.start();
   note(WorldEvent::Kind::started, 0, "link");

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "hil/sitl/processes/processes.hpp"
+#include "hil/sitl/processes.hpp"
 
 namespace ledgerline::hil {
 
@@ -22,7 +22,7 @@ class SimulatedWorld {
   /// One millisecond.
   void step();
   TimeNs now() const { return shared_.clock.now(); }
-  const std::vector<DroneFacts>& facts() const { return shared_.facts(); }
+  const std::vector<DroneObservation>& drones() const { return shared_.drones(); }
   /// Of the last step, and what was done to the world before it.
   const std::vector<WorldEvent>& events() const { return shared_.witness.events(); }
 
@@ -72,11 +72,11 @@ class SimulatedWorld {
   WorldClock& clock() { return shared_.clock; }
   sim::Simulator& sim() { return shared_.sim; }
   /// The contract's stop, and its end.
-  void say_control(Stopper who, std::size_t drone, ControlWord word);
+  void post_control(Stopper who, std::size_t drone, ControlCommand word);
   /// What the pilot of a manual flight wants; with ground's next step.
   void post_command(const ground::PilotCommand& command) { ground_.post_command(command); }
   /// What the operator of a manual flight says of its mission; refused while ground does not run.
-  void say(MissionWord word);
+  void post_mission_command(MissionCommand word);
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) { shared_.note(kind, drone, std::move(text)); }
 
  private:

@@ -6,11 +6,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/access/access.hpp"
 #include "common/base/random.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/link/core/failsafe.hpp"
-#include "sim/core/draw_tello.hpp"
+#include "sim/core/parameters.hpp"
 
 namespace ledgerline::hil {
 
@@ -41,6 +42,21 @@ Reach reach_of(const ground::Task& task) {
     }
   }
   return reach;
+}
+
+link::FenceSettings fence_around(const WorldConfig& config, const std::vector<std::array<double, 2>>& starts_m) {
+  const double room_m = config.room_m.value_or(3);
+  link::FenceSettings fence;
+  fence.min_m = {-std::abs(room_m), -std::abs(room_m), 0};
+  fence.max_m = {0, 0, 3};
+  for (std::size_t k = 0; k < starts_m.size(); ++k) {
+    const Reach reach = reach_of(task_of(config, static_cast<int>(k) + 1));
+    for (std::size_t i = 0; i < 2; ++i) {
+      fence.min_m[i] = std::min(fence.min_m[i], starts_m[k][i] + reach.min_m[i] - std::abs(room_m));
+      fence.max_m[i] = std::max(fence.max_m[i], starts_m[k][i] + reach.max_m[i] + room_m);
+    }
+  }
+  return fence;
 }
 
 ground::Path course_of(const WorldConfig& config, int number, const std::array<double, 2>& start_m) {
@@ -127,18 +143,12 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   for (const sim::Pad& pad : config.pads)
     settings.pads.push_back({.id = pad.id, .position_m = {pad.x_m, pad.y_m, 0}, .yaw_rad = pad.yaw_rad});
   if (!config.room_m) return settings;
-  const double room_m = *config.room_m;
-  settings.fence.min_m = {-std::abs(room_m), -std::abs(room_m), 0};
-  settings.fence.max_m = {0, 0, 3};
+  std::vector<std::array<double, 2>> starts_m;
   for (int k = 1; k <= config.drones; ++k) {
     const auto start_m = sim::start_of(places, k);
-    const Reach reach = reach_of(task_of(config, k));
-    for (std::size_t i = 0; i < 2; ++i) {
-      double &min_m = settings.fence.min_m[i], &max_m = settings.fence.max_m[i];
-      min_m = std::min(min_m, start_m[i] + reach.min_m[i] - std::abs(room_m));
-      max_m = std::max(max_m, start_m[i] + reach.max_m[i] + room_m);
-    }
+    starts_m.push_back({start_m[0], start_m[1]});
   }
+  settings.fence = fence_around(config, starts_m);
   return settings;
 }
 
@@ -186,11 +196,9 @@ Status prepare(SimulatedLedger& ledger, int drones) {
   const auto admin2 = ledger.add_client(administrator_name);
   const auto holder = ledger.add_client(operator_name);
   EnrollCall host;
-  host.mutable_identity()->set_msp_id(drone_host.msp_id);
-  host.mutable_identity()->set_subject(drone_host.subject);
+  *host.mutable_identity() = to_message(drone_host);
   EnrollCall role;
-  role.mutable_identity()->set_msp_id(operator_name.msp_id);
-  role.mutable_identity()->set_subject(operator_name.subject);
+  *role.mutable_identity() = to_message(operator_name);
   role.set_role(OPERATOR);
   GrantCall grant;
   grant.mutable_grant()->mutable_to()->set_msp_id(operator_name.msp_id);
@@ -215,8 +223,7 @@ Status enroll_supervisors(SimulatedLedger& ledger, int drones) {
     const auto domain = name.subject.substr(name.subject.find('@'));
     const auto admin = ledger.add_client({name.msp_id, "CN=Admin" + domain});
     EnrollCall role;
-    role.mutable_identity()->set_msp_id(name.msp_id);
-    role.mutable_identity()->set_subject(name.subject);
+    *role.mutable_identity() = to_message(name);
     role.set_role(SUPERVISOR);
     if (auto s = ledger.commit_now(0, admin, {contract::enroll, {role.SerializeAsString()}}); !s) return s;
   }

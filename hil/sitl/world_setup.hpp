@@ -36,7 +36,7 @@ struct WorldConfig {
       link::OnUntrustedLedger::ignore;          ///< link's, while agent does not trust the ledger
   TimeNs idle_evict_ns = agent::usual_idle_ns;  ///< agent's: a holder who is idle on the ground for so long
   bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
-  bool drawn_tello = false;  ///< of what nobody knows of a real one, each seed draws another: sim/core/draw_tello.hpp
+  bool drawn_tello = false;  ///< of what nobody knows of a real one, each seed draws another: sim/core/parameters.hpp
   std::optional<Impairment::RecordedLink> wifi;  ///< every drone's radio, both ways; the seed says where it begins
   double yaw_deg = 0;                            ///< every drone looks there when it is switched on
   std::vector<sim::Pad> pads;                    ///< mission pads on the floor
@@ -77,7 +77,9 @@ struct Reach {
   std::array<double, 2> min_m{}, max_m{};
 };
 Reach reach_of(const ground::Task& task);
-/// Of drone `number`, which stands there; its corners, as DroneFacts has them.
+/// What encloses all paths of drones that stand there, with `config.room_m` around.
+link::FenceSettings fence_around(const WorldConfig& config, const std::vector<std::array<double, 2>>& starts_m);
+/// Of drone `number`, which stands there; its corners, as DroneObservation has them.
 ground::Path course_of(const WorldConfig& config, int number, const std::array<double, 2>& start_m);
 std::vector<std::array<double, 2>> corners_of(const ground::Path& path);
 

@@ -1,4 +1,4 @@
-#include "sim/core/draw_tello.hpp"
+#include "sim/core/parameters.hpp"
 
 #include "common/base/random.hpp"
 

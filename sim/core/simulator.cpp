@@ -63,6 +63,7 @@ struct Simulator::State {
     assert(drone >= 1 && drone <= p.drones);
     return drone - 1;
   }
+  Drone& of(DroneNumber drone) { return drones[static_cast<std::size_t>(index(drone))]; }
   Sdk::Drone parts(int i) {
     Drone& drone = drones[static_cast<std::size_t>(i)];
     return {drone.pilot, drone.sensors, world.body(i)};
@@ -76,8 +77,7 @@ Simulator::~Simulator() = default;
 
 void Simulator::datagram(DroneNumber drone, Endpoint from, std::string_view bytes) {
   State& s = *state_;
-  const int i = s.index(drone);
-  s.drones[static_cast<std::size_t>(i)].sdk.receive(s.now, from, bytes, s.parts(i), s.pending);
+  s.of(drone).sdk.receive(s.now, from, bytes, s.parts(s.index(drone)), s.pending);
 }
 
 void Simulator::State::one_step() {
@@ -130,9 +130,8 @@ const Simulator::Output& Simulator::step(TimeNs now) {
 int Simulator::drones() const { return state_->p.drones; }
 
 Truth Simulator::truth(DroneNumber number) const {
-  const int i = state_->index(number);
-  const Drone& drone = state_->drones[static_cast<std::size_t>(i)];
-  const Body& body = state_->world.body(i);
+  const Drone& drone = state_->of(number);
+  const Body& body = state_->world.body(state_->index(number));
   Truth truth;
   for (int axis = 0; axis < 3; ++axis) {
     truth.position_m[static_cast<std::size_t>(axis)] = body.position[axis];
@@ -151,32 +150,25 @@ void Simulator::kick(DroneNumber drone, const std::array<double, 3>& v) {
   state_->world.kick(state_->index(drone), Vector(v[0], v[1], v[2]));
 }
 
-void Simulator::set_battery(DroneNumber drone, double share) {
-  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.set_battery(share);
-}
+void Simulator::set_battery(DroneNumber drone, double share) { state_->of(drone).sensors.set_battery(share); }
 
-void Simulator::drain_battery(DroneNumber drone, double per_s) {
-  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.drain(per_s);
-}
+void Simulator::drain_battery(DroneNumber drone, double per_s) { state_->of(drone).sensors.drain(per_s); }
 
 void Simulator::set_temperature(DroneNumber drone, double celsius) {
-  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.set_temperature(celsius);
+  state_->of(drone).sensors.set_temperature(celsius);
 }
 
-void Simulator::lose_propeller(DroneNumber drone) {
-  state_->drones[static_cast<std::size_t>(state_->index(drone))].propeller_lost = true;
-}
+void Simulator::remove_propeller(DroneNumber drone) { state_->of(drone).propeller_lost = true; }
 
 void Simulator::restart(DroneNumber number) {
-  const int i = state_->index(number);
-  Drone& drone = state_->drones[static_cast<std::size_t>(i)];
+  Drone& drone = state_->of(number);
   drone.pilot.cut();
-  drone.sensors.power_on(state_->world.body(i));
+  drone.sensors.power_on(state_->world.body(state_->index(number)));
   drone.sdk.restart(state_->now);
 }
 
 void Simulator::set_sensing(DroneNumber drone, const Sensing& sensing) {
-  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.set_sensing(sensing);
+  state_->of(drone).sensors.set_sensing(sensing);
 }
 
 void Simulator::set_wind(const std::array<double, 3>& v) { state_->world.set_wind(Vector(v[0], v[1], v[2])); }

@@ -88,7 +88,7 @@ class Simulator {
   /// It is so hot now: above HeatParameters::shutdown_c it lands and switches itself off.
   void set_temperature(DroneNumber drone, double celsius);
   /// The right front propeller comes off: a quarter of the thrust is gone there, and nothing holds the balance.
-  void lose_propeller(DroneNumber drone);
+  void remove_propeller(DroneNumber drone);
   /// Off and on again: the motors stop, and it waits for `command` as after switching on.
   void restart(DroneNumber drone);
   /// Light, floor, and faults of its sensors from now on.

@@ -5,8 +5,9 @@
 
 #include "common/base/result.hpp"
 #include "common/dds/dds.hpp"
+#include "common/program/command_line.hpp"
 #include "sim/core/parameters.hpp"
-#include "sim/shell/drone_wire.hpp"
+#include "sim/shell/drone_sockets.hpp"
 
 namespace ledgerline::sim {
 
@@ -29,5 +30,20 @@ Status run_real_time(const ShellOptions& options, const OpenWire& open, const st
 /// As fast as possible, without sockets and DDS: all drones take off and fly circles for `seconds` of simulated time.
 /// Prints one JSON object: {"drones","simulated_s","wall_s","ratio"}.
 Status run_simulated_time(const ShellOptions& options, double seconds);
+
+/// What a command line says of simulated drones, until read() has put it into `shell`.
+class SimOptions {
+ public:
+  ShellOptions shell;
+
+  /// This object must outlive the parsing.
+  void add_to(Arguments& arguments);
+  /// After the parsing; an error is one of usage.
+  Status read();
+
+ private:
+  double battery_percent_ = 100, yaw_deg_ = 0, light_percent_ = 100, floor_percent_ = 100;
+  std::string config_, pads_;
+};
 
 }  // namespace ledgerline::sim

@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <csignal>
-#include <cstdio>
 #include <ctime>
 #include <optional>
 
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
+#include "common/process/usage.hpp"
 
 namespace ledgerline::bench {
 namespace {
@@ -49,25 +48,8 @@ std::optional<double> cpu_seconds(pid_t process) {
 
 /// Of a process and all that it has begun.
 double cpu_seconds_of_tree(pid_t root) {
-  std::map<pid_t, pid_t> parents;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator("/proc", error)) {
-    const std::string name = entry.path().filename();
-    const auto stat =
-        std::isdigit(static_cast<unsigned char>(name[0])) != 0 ? read_file(entry.path() / "stat") : Error{""};
-    if (!stat) continue;                               // it has ended
-    const std::size_t behind_name = stat->rfind(')');  // a name may have blanks in it
-    int parent = 0;
-    if (behind_name == std::string::npos || std::sscanf(stat->c_str() + behind_name, ") %*c %d", &parent) != 1)
-      continue;
-    parents[std::stoi(name)] = parent;
-  }
   double seconds = 0;
-  for (const auto& [process, _] : parents) {
-    pid_t above = process;
-    while (above > 1 && above != root && parents.contains(above)) above = parents[above];
-    if (above == root) seconds += cpu_seconds(process).value_or(0);
-  }
+  for (const pid_t process : process_tree(root)) seconds += cpu_seconds(process).value_or(0);
   return seconds;
 }
 

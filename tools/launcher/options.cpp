@@ -13,7 +13,7 @@
 #include "common/program/program.hpp"
 #include "ground/shell/path_file.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "sim/core/pads.hpp"
+#include "sim/core/sensors.hpp"
 #include "tools/deployment/deployment.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/preflight.hpp"

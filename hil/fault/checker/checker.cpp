@@ -52,9 +52,15 @@ constexpr auto invariant_names = std::to_array<std::string_view>({
 static_assert(invariant_names.size() == which::count);
 
 // Where link takes it to be, beside the truth.
-std::string estimated(const DroneFacts& facts) {
+std::string estimated(const DroneObservation& facts) {
   if (!facts.pose) return {};
   return fmt::format(", by its pose at {:.2f}, {:.2f} m", facts.pose->position_m[0], facts.pose->position_m[1]);
+}
+
+/// Since when something has been so, which is kept in `since_ns` (0: it is not); `now` where it is not.
+TimeNs since(bool is_so, TimeNs now, TimeNs& since_ns) {
+  since_ns = !is_so ? 0 : since_ns == 0 ? now : since_ns;
+  return is_so ? since_ns : now;
 }
 
 Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
@@ -64,12 +70,7 @@ Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
 }  // namespace
 
 Invariants::Invariants(const Limits& limits) : limits_(limits) {
-  for (const std::string_view text : invariant_names) {
-    Rule rule;
-    rule.text = text;
-    rule.always = true;
-    verdicts_.push_back({rule, true, 0, {}});
-  }
+  for (const std::string_view text : invariant_names) verdicts_.push_back(always(text));
 }
 
 void Invariants::observe(const Moment& moment) {
@@ -85,7 +86,7 @@ void Invariants::observe(const Moment& moment) {
 }
 
 void Invariants::check_cut(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   const bool upright = facts.truth.in_flight && !facts.truth.crashed && facts.truth.tilt_rad < upright_rad;
   if (upright && !excuse_of(moment, index).cut)
     broke(which::upright, moment.now,
@@ -102,7 +103,7 @@ void Invariants::check_order(const Moment& moment) {
       }
     }
     const bool handed = event.kind == WorldEvent::Kind::handed;
-    const DroneFacts& facts = moment.drones[event.drone];
+    const DroneObservation& facts = moment.drones[event.drone];
     // Else it may be a stop, whose sequence is nobody's.
     const bool applied = event.kind == WorldEvent::Kind::applied && facts.phase == FlightPhase::flying &&
                          facts.mode < FailsafeMode::land;
@@ -117,10 +118,9 @@ void Invariants::check_order(const Moment& moment) {
 }
 
 void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
-  const double changed =
-      std::hypot(facts.sent[0] - drone.sent[0], facts.sent[1] - drone.sent[1], facts.sent[2] - drone.sent[2]);
+  const double changed = distance_m(facts.sent, drone.sent);
   const double limit = limits_.sent_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
   drone.may_change_mps =
       std::min(sent_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
@@ -133,7 +133,7 @@ void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested
 }
 
 void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   if (facts.mode == FailsafeMode::brake || !flies) {
     drone.braked = flies;
@@ -145,7 +145,7 @@ void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies
           fmt::format("{}: sent {:.2f} m/s after its brake, and no plan came", facts.name, facts.sent_mps));
 }
 
-bool Invariants::check_blind(const DroneFacts& facts, const Moment::Excuse& excuse, Drone& drone) {
+bool Invariants::check_blind(const DroneObservation& facts, const Moment::Excuse& excuse, Drone& drone) {
   const auto& at = facts.truth.position_m;
   if (!excuse.blind) {
     drone.blind_from_m.reset();
@@ -163,15 +163,14 @@ bool Invariants::check_blind(const DroneFacts& facts, const Moment::Excuse& excu
 
 // Speed, height, place.
 void Invariants::check_limits(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
   const auto& at = facts.truth.position_m;
-  const auto& v = facts.truth.velocity_mps;
   if (!facts.truth.in_flight || facts.truth.crashed) return;
   const bool within_way = check_blind(facts, excuse, drone);
   const double max_mps = drone.may_run ? std::max(blind_mps, limits_.speed_mps) : limits_.speed_mps;
-  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > max_mps && !excuse.physical)
+  if (const double speed = length_of(facts.truth.velocity_mps); speed > max_mps && !excuse.physical)
     broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
   const double high = std::max(0.0, at[2] - limits_.height_m);
   double far = 0;
@@ -191,26 +190,22 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
 }
 
 void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
   const bool is_lost = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
-  if (!is_lost || excuse.deaf || excuse.physical) {
-    drone.lost_since_ns = 0;
-    return;
-  }
-  if (drone.lost_since_ns == 0) drone.lost_since_ns = moment.now;
-  const TimeNs since = moment.now - drone.lost_since_ns;
+  const TimeNs lost_for =
+      moment.now - since(is_lost && !excuse.deaf && !excuse.physical, moment.now, drone.lost_since_ns);
   const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
-  if (since > lost_stops_ns && speed > lost_mps && !excuse.blind)
+  if (lost_for > lost_stops_ns && speed > lost_mps && !excuse.blind)
     broke(which::lost_link, moment.now, fmt::format("{}: {:.2f} m/s, without state", facts.name, speed));
-  if (since > lost_down_ns)
+  if (lost_for > lost_down_ns)
     broke(which::lost_link, moment.now,
-          fmt::format("{}: without state and in the air for {:.0f} s", facts.name, to_seconds(since)));
+          fmt::format("{}: without state and in the air for {:.0f} s", facts.name, to_seconds(lost_for)));
 }
 
 void Invariants::check_drone(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const TimeNs now = moment.now;
   if (facts.truth.crashed && !excuse_of(moment, index).broken) broke(which::crash, now, facts.name + " turned over");
@@ -218,13 +213,8 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
   check_lost_link(moment, index);
 
   const bool flies = moment.link_runs && facts.phase == FlightPhase::flying;
-  if (!flies) {
-    drone.rested_since_ns = 0;
-  } else if (drone.rested_since_ns == 0) {
-    drone.rested_since_ns = now;
-  }
   // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
-  const bool rested = flies && now - drone.rested_since_ns > 1'500 * ns_per_ms;
+  const bool rested = now - since(flies, now, drone.rested_since_ns) > 1'500 * ns_per_ms;
   check_ramp(moment, index, rested && !excuse_of(moment, index).spins);
   check_brake(moment, index, flies);
   if (flies) {
@@ -241,23 +231,13 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
     }
   }
   // A landing of the failsafe waits for room below, but not for ever.
-  if (!flies || facts.mode != FailsafeMode::land) {
-    drone.waits_since_ns = 0;
-  } else if (drone.waits_since_ns == 0) {
-    drone.waits_since_ns = now;
-  } else if (now - drone.waits_since_ns > landing_waits_ns) {
-    broke(which::hovers, now,
-          fmt::format("{} waits to land for {:.1f} s", facts.name, to_seconds(now - drone.waits_since_ns)));
-  }
+  const TimeNs waits_for = now - since(flies && facts.mode == FailsafeMode::land, now, drone.waits_since_ns);
+  if (waits_for > landing_waits_ns)
+    broke(which::hovers, now, fmt::format("{} waits to land for {:.1f} s", facts.name, to_seconds(waits_for)));
   const bool hovering = flies && (facts.mode == FailsafeMode::hold || facts.mode == FailsafeMode::brake);
-  if (!hovering) {
-    drone.hovering_since_ns = 0;
-  } else if (drone.hovering_since_ns == 0) {
-    drone.hovering_since_ns = now;
-  } else if (now - drone.hovering_since_ns > land_after_ns) {
-    broke(which::hovers, now,
-          fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(now - drone.hovering_since_ns)));
-  }
+  const TimeNs hovers_for = now - since(hovering, now, drone.hovering_since_ns);
+  if (hovers_for > land_after_ns)
+    broke(which::hovers, now, fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(hovers_for)));
 }
 
 void Invariants::finish(const Ending& ending) {
@@ -281,7 +261,7 @@ void Checker::check_rule(const Moment& moment, RuleState& state) const {
   state.done.resize(moment.drones.size());
   state.counts.resize(moment.drones.size());
   for (const WorldEvent& event : moment.events) {
-    if (kind.hear) kind.hear(state, moment, event);
+    if (kind.on_event) kind.on_event(state, moment, event);
   }
   for (std::size_t i = 0; i < moment.drones.size(); ++i) {
     if (kind.observe) kind.observe(state, {moment, limits_, flew_}, i);

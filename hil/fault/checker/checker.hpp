@@ -85,7 +85,7 @@ class Invariants {
   void check_drone(const Moment& moment, std::size_t drone);
   void check_limits(const Moment& moment, std::size_t drone);
   /// Whether it is blind and still within its physical bound.
-  static bool check_blind(const DroneFacts& facts, const Moment::Excuse& excuse, Drone& drone);
+  static bool check_blind(const DroneObservation& facts, const Moment::Excuse& excuse, Drone& drone);
   void check_lost_link(const Moment& moment, std::size_t drone);
   void check_ramp(const Moment& moment, std::size_t drone, bool rested);
   void check_brake(const Moment& moment, std::size_t drone, bool flies);

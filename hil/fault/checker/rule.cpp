@@ -16,8 +16,8 @@ namespace {
 using Takes = RuleKind::Takes;
 
 /// What stands for {} in help.
-constexpr std::array<std::string_view, 7> examples{"", "2 s", "0.4 m", "1.5 m/s", "70", "MODE|CAUSE", "COMMAND"};
-static_assert(examples.size() == enum_count<Takes>);
+constexpr std::array<std::string_view, 7> amount_examples{"", "2 s", "0.4 m", "1.5 m/s", "70", "MODE|CAUSE", "COMMAND"};
+static_assert(amount_examples.size() == enum_count<Takes>);
 
 std::optional<FailsafeMode> mode_of(std::string_view word) {
   for (const FailsafeMode mode : {FailsafeMode::hold, FailsafeMode::brake, FailsafeMode::land, FailsafeMode::cut}) {
@@ -36,25 +36,24 @@ std::optional<FailsafeCause> cause_of(std::string_view text) {
   return std::nullopt;
 }
 
-bool take_amount(Rule& rule, std::string_view text, Amount::Unit unit) {
+bool read_amount(Rule& rule, std::string_view text, Amount::Unit unit) {
   const auto amount = parse_amount(text);
-  if (!amount || amount->unit != unit) return false;
-  rule.amount = amount->value;
-  return true;
+  if (amount) rule.amount = amount->value;
+  return amount && amount->unit == unit;
 }
 
 /// Whether `text` can stand for {}; it is in the rule then.
-bool take(Rule& rule, Takes what, std::string_view text) {
+bool read_value(Rule& rule, Takes what, std::string_view text) {
   constexpr std::array<std::string_view, 4> commands{"command", "takeoff", "land", "emergency"};
   switch (what) {
     case Takes::nothing:
       return text.empty();
     case Takes::time:
-      return take_amount(rule, text, Amount::Unit::time);
+      return read_amount(rule, text, Amount::Unit::time);
     case Takes::metres:
-      return take_amount(rule, text, Amount::Unit::metres);
+      return read_amount(rule, text, Amount::Unit::metres);
     case Takes::speed:
-      return take_amount(rule, text, Amount::Unit::speed);
+      return read_amount(rule, text, Amount::Unit::speed);
     case Takes::number: {
       const auto number = parse_number(text);
       rule.amount = number.value_or(0);
@@ -90,7 +89,7 @@ std::optional<Amount> parse_amount(std::string_view text) {
 std::string form_of(const RuleKind& kind) {
   std::string form(kind.form);
   if (const auto at = form.find("{}"); at != std::string::npos)
-    form.replace(at, 2, examples.at(static_cast<std::size_t>(kind.takes)));
+    form.replace(at, 2, amount_examples.at(static_cast<std::size_t>(kind.takes)));
   return form;
 }
 
@@ -109,7 +108,7 @@ Result<Rule> parse_rule(std::string_view sentence) {
     const std::string_view before = kind.form.substr(0, open);
     const std::string_view after = kind.form.substr(std::min(open + 2, kind.form.size()));
     if (text.size() < before.size() + after.size() || !text.starts_with(before) || !text.ends_with(after)) continue;
-    if (!take(rule, kind.takes, text.substr(before.size(), text.size() - before.size() - after.size()))) continue;
+    if (!read_value(rule, kind.takes, text.substr(before.size(), text.size() - before.size() - after.size()))) continue;
     rule.kind = &kind;
     return rule;
   }
@@ -121,6 +120,13 @@ void Verdict::broke(TimeNs now, std::string seen) {
   held = false;
   broken_ns = now;
   what = std::move(seen);
+}
+
+Verdict always(std::string_view text) {
+  Verdict verdict;
+  verdict.rule.text = text;
+  verdict.rule.always = true;
+  return verdict;
 }
 
 bool RuleState::all_done() const { return std::find(done.begin(), done.end(), false) == done.end(); }

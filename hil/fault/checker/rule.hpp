@@ -8,14 +8,14 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "hil/sitl/facts.hpp"
+#include "hil/sitl/observation.hpp"
 
 namespace ledgerline::hil {
 
 /// What a run looks like to the checker at one moment, besides the drones.
 struct Moment {
   TimeNs now = 0;
-  std::span<const DroneFacts> drones;
+  std::span<const DroneObservation> drones;
   std::span<const WorldEvent> events;
   bool link_runs = true;  ///< alive and not stopped
   /// By drone, empty: for none: limits that say nothing now.
@@ -91,6 +91,8 @@ struct Verdict {
   std::string what;      ///< what was seen instead
   void broke(TimeNs now, std::string seen);
 };
+/// Of what is demanded of every run: it held so far.
+Verdict always(std::string_view text);
 
 /// A rule at work.
 struct RuleState {
@@ -116,11 +118,11 @@ struct RuleKind {
   Takes takes = Takes::nothing;
   std::string_view help;
   // Functions that are null see nothing.
-  void (*observe)(RuleState&, const Sight&, std::size_t drone) = nullptr;  ///< each drone at each moment
-  void (*hear)(RuleState&, const Moment&, const WorldEvent&) = nullptr;    ///< each event
-  void (*finish)(RuleState&, const Ending&) = nullptr;                     ///< behind the last moment
-  bool needs_fault = false;                                                ///< it counts from one's beginning
-  bool needs_fault_end = false;                                            ///< from the last one's end
+  void (*observe)(RuleState&, const Sight&, std::size_t drone) = nullptr;    ///< each drone at each moment
+  void (*on_event)(RuleState&, const Moment&, const WorldEvent&) = nullptr;  ///< each event
+  void (*finish)(RuleState&, const Ending&) = nullptr;                       ///< behind the last moment
+  bool needs_fault = false;                                                  ///< it counts from one's beginning
+  bool needs_fault_end = false;                                              ///< from the last one's end
   bool needs_link = false;         ///< link, agent, ground or the ledger say it: a flight by the SDK has none
   std::string_view not_real = {};  ///< why it cannot be checked of the real processes' traces; empty: it can
 };

@@ -16,7 +16,7 @@ using Takes = RuleKind::Takes;
 // To the nanosecond.
 bool longer(TimeNs duration, double seconds) { return duration > std::llround(seconds * 1e9); }
 
-const DroneFacts& of(const Sight& sight, std::size_t drone) { return sight.moment.drones[drone]; }
+const DroneObservation& of(const Sight& sight, std::size_t drone) { return sight.moment.drones[drone]; }
 
 void finishes(RuleState& state, const Ending& ending) {
   if (!ending.ok) state.verdict.broke(ending.now, ending.why.empty() ? "not finished" : ending.why);
@@ -30,7 +30,7 @@ void recovers(RuleState& state, const Ending& ending) {
 void never(RuleState& state, const Ending& ending) { state.verdict.broke(ending.now, "never"); }
 
 void flies_again(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
+  const DroneObservation& facts = of(sight, drone);
   if (sight.moment.last_fault_end_ns && facts.mode == FailsafeMode::none && facts.sent_ns != 0 &&
       facts.plan_end_ns > sight.moment.now)
     state.done[drone] = true;
@@ -75,7 +75,7 @@ void was_done_by_all(RuleState& state, const Ending& ending) {
 }
 
 void hold_after_plan(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
+  const DroneObservation& facts = of(sight, drone);
   const TimeNs since = sight.moment.now - facts.plan_end_ns;
   if (sight.moment.link_runs && facts.phase == FlightPhase::flying && facts.plan_end_ns != 0 &&
       longer(since, state.verdict.rule.amount) && facts.mode == FailsafeMode::none)
@@ -83,7 +83,7 @@ void hold_after_plan(RuleState& state, const Sight& sight, std::size_t drone) {
                         fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(since)));
 }
 
-bool shows(const Rule& rule, const DroneFacts& facts) {
+bool shows(const Rule& rule, const DroneObservation& facts) {
   return in_flight(facts.phase) &&
          ((rule.mode && facts.mode == *rule.mode) || (rule.cause && facts.cause == *rule.cause));
 }
@@ -93,7 +93,7 @@ void is_seen(RuleState& state, const Sight& sight, std::size_t drone) {
 }
 
 void is_never_seen(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
+  const DroneObservation& facts = of(sight, drone);
   if (shows(state.verdict.rule, facts)) state.verdict.broke(sight.moment.now, facts.name);
 }
 
@@ -126,29 +126,31 @@ void always_trusted(RuleState& state, const Moment& moment, const WorldEvent& ev
   if (event.kind == WorldEvent::Kind::untrusted) state.verdict.broke(moment.now, event.text);
 }
 
+/// `measured`: of a drone; it is what the broken rule says was seen.
+void check_measure(RuleState& state, const Sight& sight, std::size_t drone, double measured, bool breaks,
+                   std::string_view unit) {
+  if (breaks)
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} {}", of(sight, drone).name, measured, unit));
+}
+
 void height(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
-  const double metres = facts.truth.position_m[2];
-  if (metres >= state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m", facts.name, metres));
+  const double metres = of(sight, drone).truth.position_m[2];
+  check_measure(state, sight, drone, metres, metres >= state.verdict.rule.amount, "m");
 }
 
 void speed(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
-  const auto& v = facts.truth.velocity_mps;
-  if (const double mps = std::hypot(v[0], v[1], v[2]); mps >= state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m/s", facts.name, mps));
+  const double mps = length_of(of(sight, drone).truth.velocity_mps);
+  check_measure(state, sight, drone, mps, mps >= state.verdict.rule.amount, "m/s");
 }
 
 void path(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
-  if (facts.off_path_m.value_or(0) > state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m", facts.name, *facts.off_path_m));
+  const double metres = of(sight, drone).off_path_m.value_or(0);
+  check_measure(state, sight, drone, metres, metres > state.verdict.rule.amount, "m");
 }
 
 // `counts`: corners that it came to in their order, from the one behind the first, laps counted on.
 void visits(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
+  const DroneObservation& facts = of(sight, drone);
   const auto& corners = facts.corners;
   std::size_t& count = state.counts[drone];
   state.done[drone] = corners.empty() || count >= corners.size() * static_cast<std::size_t>(facts.laps);
@@ -167,32 +169,26 @@ void visited_all(RuleState& state, const Ending& ending) {
 }
 
 void estimate(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
+  const DroneObservation& facts = of(sight, drone);
   if (!facts.pose || facts.phase != FlightPhase::flying) return;
-  const auto& p = facts.pose->position_m;
-  const auto& at = facts.truth.position_m;
-  const double off = std::hypot(p[0] - at[0], p[1] - at[1], p[2] - at[2]);
-  if (off > state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m off", facts.name, off));
+  const double off = distance_m(facts.pose->position_m, facts.truth.position_m);
+  check_measure(state, sight, drone, off, off > state.verdict.rule.amount, "m off");
 }
 
 void fence(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const double at = facts.truth.position_m[axis];
+    const double at = of(sight, drone).truth.position_m[axis];
     const double beyond = std::max(sight.limits.fence_min_m[axis] - at, at - sight.limits.fence_max_m[axis]);
-    if (beyond > state.verdict.rule.amount)
-      state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m beyond it", facts.name, beyond));
+    check_measure(state, sight, drone, beyond, beyond > state.verdict.rule.amount, "m beyond it");
   }
 }
 
 // On the ground they stand where they were put.
 void apart(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
-  for (const DroneFacts& other : sight.moment.drones.first(drone)) {
+  const DroneObservation& facts = of(sight, drone);
+  for (const DroneObservation& other : sight.moment.drones.first(drone)) {
     if (on_ground(facts.truth) && on_ground(other.truth)) continue;
-    const auto &a = facts.truth.position_m, &b = other.truth.position_m;
-    const double distance = std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    const double distance = distance_m(facts.truth.position_m, other.truth.position_m);
     if (distance < state.verdict.rule.amount)
       state.verdict.broke(sight.moment.now, fmt::format("{} and {}: {:.2f} m", facts.name, other.name, distance));
   }
@@ -200,13 +196,13 @@ void apart(RuleState& state, const Sight& sight, std::size_t drone) {
 
 // `done`: it has flown, and landed.
 void takes_off_once(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
+  const DroneObservation& facts = of(sight, drone);
   if (on_ground(facts.truth) && sight.flew[drone]) state.done[drone] = true;
   if (state.done[drone] && facts.truth.in_flight) state.verdict.broke(sight.moment.now, facts.name + " took off again");
 }
 
 void no_crash(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneFacts& facts = of(sight, drone);
+  const DroneObservation& facts = of(sight, drone);
   if (facts.truth.crashed) state.verdict.broke(sight.moment.now, facts.name + " turned over");
 }
 
@@ -289,7 +285,7 @@ constexpr RuleKind table[] = {
     {.form = "no command older than {} applied",
      .takes = Takes::time,
      .help = "at application",
-     .hear = command_age,
+     .on_event = command_age,
      .needs_link = true},
     {.form = "height below {}", .takes = Takes::metres, .help = "of the true place", .observe = height},
     {.form = "speed below {}", .takes = Takes::speed, .help = "of the true speed", .observe = speed},
@@ -324,13 +320,13 @@ constexpr RuleKind table[] = {
      .not_real = "the traces do not tell how many there were"},
     {.form = "the ledger is not trusted",
      .help = "by agent, which says so in its log",
-     .hear = untrusted,
+     .on_event = untrusted,
      .finish = was_seen,
      .needs_link = true,
      .not_real = "the traces do not tell it"},
     {.form = "the ledger is always trusted",
      .help = "the same",
-     .hear = always_trusted,
+     .on_event = always_trusted,
      .needs_link = true,
      .not_real = "the traces do not tell it"},
     {.form = "takes off once", .help = "no drone leaves the ground again that has landed", .observe = takes_off_once},
@@ -338,13 +334,13 @@ constexpr RuleKind table[] = {
     {.form = "sends {}",
      .takes = Takes::command,
      .help = "command, takeoff, land, emergency: to a drone",
-     .hear = sends,
+     .on_event = sends,
      .finish = was_seen,
      .not_real = "the traces do not tell it"},
     {.form = "sends no {}",
      .takes = Takes::command,
      .help = "the same",
-     .hear = sends_no,
+     .on_event = sends_no,
      .not_real = "the traces do not tell it"},
     {.form = "no crash",
      .help = "no drone turns over, broken or not, and no process ends but by a fault",

@@ -6,12 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
 
-#include "hil/fault/compare/statistics.hpp"
-#include "hil/fault/run/figures.hpp"
+#include "hil/fault/run/metrics.hpp"
 
 namespace ledgerline::hil::comparing {
 namespace {
@@ -44,9 +44,16 @@ std::optional<double> value_in(const FlownRun& run, std::string_view figure) {
   return found == run.figures.end() ? std::nullopt : std::optional(found->second);
 }
 
+std::vector<double> values_in(const std::vector<const FlownRun*>& runs, std::string_view figure) {
+  std::vector<double> values;
+  for (const FlownRun* run : runs) {
+    if (const auto value = value_in(*run, figure)) values.push_back(*value);
+  }
+  return values;
+}
+
 double mean_of(const std::vector<double>& values) {
-  double sum = 0;
-  for (const double value : values) sum += value;
+  const double sum = std::accumulate(values.begin(), values.end(), 0.0);
   return values.empty() ? 0 : sum / static_cast<double>(values.size());
 }
 
@@ -73,9 +80,9 @@ class Comparer {
                                out_.left_out.empty() ? "" : ":\n  ", fmt::join(out_.left_out, "\n  "))};
     for (const Both& both : scripts_) {
       compare_rules(both);
-      for (const FigureKind& kind : figure_kinds()) compare_figure(both, kind);
+      for (const MetricKind& kind : metric_kinds()) compare_figure(both, kind);
     }
-    for (const FigureKind& kind : figure_kinds()) compare_all_scripts(kind);
+    for (const MetricKind& kind : metric_kinds()) compare_all_scripts(kind);
     decide();
     return std::move(out_);
   }
@@ -122,7 +129,7 @@ class Comparer {
     std::set<std::string> unknown;
     for (const FlownRun& run : runs.runs) {
       for (const auto& [figure, value] : run.figures) {
-        if (!figure_kind(figure)) unknown.insert(figure);
+        if (!metric_kind(figure)) unknown.insert(figure);
       }
     }
     return unknown;
@@ -173,8 +180,9 @@ class Comparer {
   void compare_rule(const Both& both, const std::string& rule) {
     RuleChange change{
         .script = both.script, .rule = rule, .old_runs = both.old_runs.size(), .new_runs = both.new_runs.size()};
-    for (const FlownRun* run : both.old_runs) change.old_broken += broke(*run, rule) ? 1 : 0;
-    for (const FlownRun* run : both.new_runs) change.new_broken += broke(*run, rule) ? 1 : 0;
+    const auto breaks = [&](const FlownRun* run) { return broke(*run, rule); };
+    change.old_broken = static_cast<std::size_t>(std::ranges::count_if(both.old_runs, breaks));
+    change.new_broken = static_cast<std::size_t>(std::ranges::count_if(both.new_runs, breaks));
     std::size_t repaired = 0;
     for (std::size_t i = 0; both.paired && i < both.old_runs.size(); ++i) {
       const bool before = broke(*both.old_runs[i], rule), now = broke(*both.new_runs[i], rule);
@@ -195,9 +203,9 @@ class Comparer {
     out_.rules.push_back(std::move(change));
   }
 
-  void compare_figure(const Both& both, const FigureKind& kind) {
+  void compare_figure(const Both& both, const MetricKind& kind) {
     std::vector<double> before, now, differences;
-    FigureChange change{.script = both.script, .figure = std::string(kind.name), .paired = both.paired};
+    MetricChange change{.script = both.script, .figure = std::string(kind.name), .paired = both.paired};
     if (both.paired) {
       std::size_t lost = 0, new_ones = 0;
       for (std::size_t i = 0; i < both.old_runs.size(); ++i) {
@@ -215,12 +223,8 @@ class Comparer {
                   new_ones, new_.file);
       if (lost > 0) missing_figures_.emplace(kind.name);
     } else {
-      for (const FlownRun* run : both.old_runs) {
-        if (const auto value = value_in(*run, kind.name)) before.push_back(*value);
-      }
-      for (const FlownRun* run : both.new_runs) {
-        if (const auto value = value_in(*run, kind.name)) now.push_back(*value);
-      }
+      before = values_in(both.old_runs, kind.name);
+      now = values_in(both.new_runs, kind.name);
       if (!before.empty() && now.empty()) missing_figures_.emplace(kind.name);
     }
     const TestResult result = both.paired ? signed_rank(differences) : rank_sum(before, now);
@@ -240,10 +244,10 @@ class Comparer {
 
   // What a few seeds of each script cannot show, all scripts together can: each pair's difference as a share of its
   // mean size, where it is large enough to count at all.
-  void compare_all_scripts(const FigureKind& kind) {
+  void compare_all_scripts(const MetricKind& kind) {
     std::vector<double> differences;
     std::size_t scripts = 0;
-    FigureChange change{.figure = std::string(kind.name)};
+    MetricChange change{.figure = std::string(kind.name)};
     for (const Both& both : scripts_) {
       if (!both.paired) continue;
       ++scripts;
@@ -296,25 +300,25 @@ class Comparer {
         if (certain) rule.verdict = one_way(test.result.direction > 0);
         continue;
       }
-      FigureChange& figure = out_.figures[test.which];
+      MetricChange& figure = out_.figures[test.which];
       figure.p = corrected[i];
       if (!certain) continue;
       const bool counts = std::abs(figure.change) >= test.least && (figure.change > 0) == (test.result.direction > 0);
       figure.verdict = counts ? one_way((figure.change > 0) != test.less_is_worse) : Change::small;
     }
-    say_what_is_missing();
-    say_what_may_be_worse();
-    note_few_seeds();
+    add_what_is_missing();
+    add_what_may_be_worse();
+    add_few_seeds();
   }
 
-  void say_what_is_missing() {
+  void add_what_is_missing() {
     if (missing_runs_ > 0) cannot_tell("{} lacks {} runs that {} has", new_.file, missing_runs_, old_.file);
     if (!missing_figures_.empty())
       cannot_tell("{} lacks figures that {} has: {}", new_.file, old_.file, fmt::join(missing_figures_, ", "));
   }
 
   // A rule that broke newly and was repaired nowhere, in so few runs that no test is certain.
-  void say_what_may_be_worse() {
+  void add_what_may_be_worse() {
     for (const RuleChange& rule : out_.rules) {
       const bool none_repaired = rule.old_broken + rule.newly.size() == rule.new_broken;
       if (rule.verdict == Change::none && !rule.newly.empty() && none_repaired)
@@ -325,7 +329,7 @@ class Comparer {
     }
   }
 
-  void note_few_seeds() {
+  void add_few_seeds() {
     const auto few = std::ranges::count_if(scripts_, [&](const Both& both) {
       return both.paired && both.same_bytes < both.old_runs.size() && both.old_runs.size() < out_.pairs_needed;
     });

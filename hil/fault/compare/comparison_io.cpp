@@ -1,4 +1,4 @@
-#include "hil/fault/compare/comparison_io.hpp"
+#include "hil/fault/compare/comparison.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -8,6 +8,7 @@
 #include <cmath>
 #include <set>
 
+#include "common/base/enum_count.hpp"
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 
@@ -15,6 +16,8 @@ namespace ledgerline::hil::comparing {
 namespace {
 
 using nlohmann::json;
+
+std::string_view name_of(Change verdict) { return enum_names<Change>[static_cast<std::size_t>(verdict)]; }
 
 Status text_in(const json& row, const char* key, bool needed, std::string& value) {
   const auto found = row.find(key);
@@ -62,6 +65,10 @@ Status run_in(const json& row, FlownRun& run) {
 
 }  // namespace
 
+void to_json(json& out, Change verdict) { out = name_of(verdict); }
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(RuleChange, script, rule, old_broken, old_runs, new_broken, new_runs, newly, fact, p,
+                                   verdict)
+
 Result<Runs> read_results(const std::string& file) {
   const auto text = read_file(file);
   if (!text) return text.error();
@@ -89,31 +96,15 @@ Result<Runs> parse_results(std::string_view text, const std::string& file) {
 
 namespace {
 
-using nlohmann::json;
-
 constexpr std::size_t max_seeds = 5;  // in a line
 
-const char* name_of(Change verdict) {
-  switch (verdict) {
-    case Change::worse:
-      return "worse";
-    case Change::better:
-      return "better";
-    case Change::small:
-      return "small";
-    case Change::none:
-      break;
-  }
-  return "none";
-}
-
-std::string percent_of(const FigureChange& figure) {
+std::string percent_of(const MetricChange& figure) {
   if (figure.script.empty()) return fmt::format("{:+.1f} %", 100 * figure.change);
   if (figure.old_mean == 0) return fmt::format("{:+.4g}", figure.change);
   return fmt::format("{:+.1f} %", 100 * figure.change / std::abs(figure.old_mean));
 }
 
-std::string line_of(const FigureChange& figure) {
+std::string line_of(const MetricChange& figure) {
   const bool all = figure.script.empty();
   const std::string before = all ? "" : fmt::format("{:.4g}", figure.old_mean);
   const std::string now = all ? "" : fmt::format("{:.4g}", figure.new_mean);
@@ -166,7 +157,7 @@ std::string table_text(const Comparison& comparison, const Options& options, boo
   }
   std::string rows;
   for (const Change verdict : {Change::worse, Change::better, Change::small, Change::none}) {
-    for (const FigureChange& figure : comparison.figures) {
+    for (const MetricChange& figure : comparison.figures) {
       if (figure.verdict == verdict && is_reported(verdict)) rows += line_of(figure);
     }
   }
@@ -189,19 +180,8 @@ std::string table_text(const Comparison& comparison, const Options& options, boo
 }
 
 std::string json_text(const Comparison& comparison) {
-  json rules = json::array(), figures = json::array();
-  for (const RuleChange& rule : comparison.rules)
-    rules.push_back({{"script", rule.script},
-                     {"rule", rule.rule},
-                     {"old_broken", rule.old_broken},
-                     {"old_runs", rule.old_runs},
-                     {"new_broken", rule.new_broken},
-                     {"new_runs", rule.new_runs},
-                     {"newly", rule.newly},
-                     {"fact", rule.fact},
-                     {"p", rule.p},
-                     {"verdict", name_of(rule.verdict)}});
-  for (const FigureChange& figure : comparison.figures) {
+  json figures = json::array();
+  for (const MetricChange& figure : comparison.figures) {
     json row{{"script", figure.script.empty() ? json() : json(figure.script)},
              {"figure", figure.figure},
              {"paired", figure.paired},
@@ -220,18 +200,12 @@ std::string json_text(const Comparison& comparison) {
     }
     figures.push_back(std::move(row));
   }
-  return json{{"verdict", verdict_of(comparison)},
-              {"scripts", comparison.scripts},
-              {"old_runs", comparison.old_runs},
-              {"new_runs", comparison.new_runs},
-              {"pairs", comparison.pairs},
-              {"same_bytes", comparison.same_bytes},
-              {"tests", comparison.tests},
-              {"pairs_needed", comparison.pairs_needed},
-              {"left_out", comparison.left_out},
-              {"cannot_tell", comparison.cannot_tell},
-              {"rules", rules},
-              {"figures", figures}}
+  return json{{"verdict", verdict_of(comparison)}, {"scripts", comparison.scripts},
+              {"old_runs", comparison.old_runs},   {"new_runs", comparison.new_runs},
+              {"pairs", comparison.pairs},         {"same_bytes", comparison.same_bytes},
+              {"tests", comparison.tests},         {"pairs_needed", comparison.pairs_needed},
+              {"left_out", comparison.left_out},   {"cannot_tell", comparison.cannot_tell},
+              {"rules", comparison.rules},         {"figures", figures}}
              .dump(2, ' ', false, json::error_handler_t::replace) +
          "\n";
 }

@@ -1,4 +1,4 @@
-#include "hil/fault/compare/statistics.hpp"
+#include "hil/fault/compare/comparison.hpp"
 
 #include <algorithm>
 #include <boost/math/distributions/binomial.hpp>

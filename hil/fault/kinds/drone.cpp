@@ -2,105 +2,93 @@
 #include <cmath>
 #include <numbers>
 
-#include "hil/fault/kinds/said.hpp"
-#include "hil/sitl/facts.hpp"
+#include "hil/fault/kinds/parse.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
+#include "hil/sitl/observation.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-using ParsedWords = FaultKind::ParsedWords;
+using ParsedText = FaultKind::ParsedText;
 
-DroneNumber number_of(SimulatedWorld& world, std::size_t drone) { return world.facts()[drone].number; }
+/// Once, at its beginning, to each drone that it names.
+template <typename Act>
+FaultActs at_once(Act act, bool pushes = false) {
+  return {.strike = [act](SimulatedWorld& world, std::size_t drone) { act(world.sim(), world.drones()[drone].number); },
+          .check_real = because(inside_the_simulation),
+          .momentary = true,
+          .pushes = pushes};
+}
 
-Result<FaultActs> link_effects(const ParsedWords& said) {
-  const std::string_view way = said.words[0];
-  const auto effects = effects_in(said.rest);
+/// Effects of a drone's traffic while it goes on.
+auto overlay_on(std::vector<DroneTraffic> traffic, const Impairment& effects) {
+  return [traffic = std::move(traffic), effects](Effects::OfDrone& drone, std::size_t) {
+    for (const DroneTraffic at : traffic) overlay(effects, drone.impairment(at));
+  };
+}
+
+Result<FaultActs> link_effects(const ParsedText& parsed) {
+  const std::string_view way = parsed.words[0];
+  const auto effects = effects_in(parsed.rest);
   if (!effects) return effects.error();
   std::vector<DroneTraffic> traffic;
   if (way == "to" || way == "both") traffic.push_back(DroneTraffic::to);
   if (way == "answers" || way == "from" || way == "both") traffic.push_back(DroneTraffic::answers);
   if (way == "states" || way == "from" || way == "both") traffic.push_back(DroneTraffic::states);
-  return FaultActs{.lasts_on =
-                       [traffic, effects = *effects](Effects::OfDrone& drone, std::size_t) {
-                         for (const DroneTraffic at : traffic) overlay(effects, drone.impairment(at));
-                       },
-                   .deafens = traffic.front() == DroneTraffic::to};
+  return FaultActs{.lasts_on = overlay_on(traffic, *effects), .deafens = traffic.front() == DroneTraffic::to};
 }
 
-Result<FaultActs> plan_effects(const ParsedWords& said) {
-  const auto effects = effects_in(said.rest);
+Result<FaultActs> plan_effects(const ParsedText& parsed) {
+  const auto effects = effects_in(parsed.rest);
   if (!effects) return effects.error();
   const std::string_view none = effects->corrupt > 0    ? "corrupt"
                                 : effects->truncate > 0 ? "truncate"
                                 : effects->rate         ? "rate"
                                                         : "";
   if (!none.empty()) return Error{"agent hands plans on in shared memory, which has no " + std::string(none)};
-  return FaultActs{
-      .lasts_on = [effects = *effects](Effects::OfDrone& drone,
-                                       std::size_t) { overlay(effects, drone.impairment(DroneTraffic::plans)); },
-      .check_real = because("plans go from agent to link in shared memory")};
+  return FaultActs{.lasts_on = overlay_on({DroneTraffic::plans}, *effects),
+                   .check_real = because("plans go from agent to link in shared memory")};
 }
 
-Result<FaultActs> reboot(const ParsedWords&) {
-  return FaultActs{
-      .strike = [](SimulatedWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); },
-      .check_real = because(inside_the_simulation),
-      .momentary = true,
-      .pushes = true};
+Result<FaultActs> reboot(const ParsedText&) {
+  return at_once([](sim::Simulator& sim, DroneNumber drone) { sim.restart(drone); }, true);
 }
 
-Result<FaultActs> lose_propeller(const ParsedWords&) {
-  return FaultActs{
-      .strike = [](SimulatedWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); },
-      .check_real = because(inside_the_simulation),
-      .momentary = true,
-      .pushes = true,
-      .breaks = true,
-      .for_good = true};
+Result<FaultActs> remove_propeller(const ParsedText&) {
+  FaultActs acts = at_once([](sim::Simulator& sim, DroneNumber drone) { sim.remove_propeller(drone); }, true);
+  acts.breaks = acts.for_good = true;
+  return acts;
 }
 
-Result<FaultActs> set_battery(const ParsedWords& said) {
-  const auto share = share_of(said.words[0]);
+Result<FaultActs> set_battery(const ParsedText& parsed) {
+  const auto share = parse_share(parsed.words[0]);
   if (!share) return Error{"battery must be followed by a share, 0% to 100%"};
-  return FaultActs{
-      .strike = [share = *share](SimulatedWorld& world,
-                                 std::size_t drone) { world.sim().set_battery(number_of(world, drone), share); },
-      .check_real = because(inside_the_simulation),
-      .momentary = true};
+  return at_once([share = *share](sim::Simulator& sim, DroneNumber drone) { sim.set_battery(drone, share); });
 }
 
-Result<FaultActs> heat(const ParsedWords& said) {
+Result<FaultActs> heat(const ParsedText& parsed) {
   constexpr double max_c = 150;
-  const auto celsius = parse_number(said.words[0]);
+  const auto celsius = parse_number(parsed.words[0]);
   if (!celsius || *celsius < 0 || *celsius > max_c) return Error{"heat must be followed by 0 to 150 degrees Celsius"};
-  return FaultActs{.strike = [celsius = *celsius](
-                                 SimulatedWorld& world,
-                                 std::size_t drone) { world.sim().set_temperature(number_of(world, drone), celsius); },
-                   .check_real = because(inside_the_simulation),
-                   .momentary = true};
+  return at_once([celsius = *celsius](sim::Simulator& sim, DroneNumber drone) { sim.set_temperature(drone, celsius); });
 }
 
-Result<FaultActs> drain(const ParsedWords& said) {
-  const auto share = share_of(said.words[0]);
+Result<FaultActs> drain(const ParsedText& parsed) {
+  const auto share = parse_share(parsed.words[0]);
   if (!share) return Error{"drain must be followed by a share a second, 0% to 100%"};
   return FaultActs{.lasts_on = [share = *share](Effects::OfDrone& drone, std::size_t) { drone.drain_per_s += share; },
                    .check_real = because(inside_the_simulation)};
 }
 
-Result<FaultActs> kick(const ParsedWords& said) {
-  const auto velocity = vector_of(said.words);
+Result<FaultActs> kick(const ParsedText& parsed) {
+  const auto velocity = vector_of(parsed.words);
   if (!velocity) return Error{"kick must be followed by three velocities in m/s"};
-  return FaultActs{
-      .strike = [velocity = *velocity](SimulatedWorld& world,
-                                       std::size_t drone) { world.sim().kick(number_of(world, drone), velocity); },
-      .check_real = because(inside_the_simulation),
-      .momentary = true,
-      .pushes = true};
+  return at_once([velocity = *velocity](sim::Simulator& sim, DroneNumber drone) { sim.kick(drone, velocity); }, true);
 }
 
 // Winds add up.
-Result<FaultActs> wind(const ParsedWords& said) {
-  const auto velocity = vector_of(said.words);
+Result<FaultActs> wind(const ParsedText& parsed) {
+  const auto velocity = vector_of(parsed.words);
   if (!velocity) return Error{"wind must be followed by three velocities in m/s"};
   return FaultActs{.lasts =
                        [velocity = *velocity](Effects& effects) {
@@ -110,20 +98,40 @@ Result<FaultActs> wind(const ParsedWords& said) {
                    .pushes = true};
 }
 
-Result<FaultActs> sensor(const ParsedWords& said) {
-  const auto fault = parse_sensor(said.rest);
+/// One more fault of a drone's state texts or answers, which the proxy or the shim knows by the same words.
+template <typename Fault>
+FaultActs switched(std::vector<Fault> Effects::OfDrone::*faults, const Fault& fault, const std::string& text) {
+  return {.lasts_on =
+              [faults, fault](Effects::OfDrone& drone, std::size_t item) {
+                (drone.*faults).push_back(fault);
+                (drone.*faults).back().item = item;
+              },
+          .really_begin = [text](RealActs& real, const RealStack&) { real.proxy.push_back(text); },
+          .really_end = [text](RealActs& real, const RealStack&, bool) { real.proxy.push_back(text + " off"); }};
+}
+
+Result<FaultActs> sensor(const ParsedText& parsed) {
+  const auto fault = parse_sensor(parsed.rest);
   if (!fault) return fault.error();
+  FaultActs acts = switched(&Effects::OfDrone::sensors, *fault, parsed.text);
   // A text that says the wrong velocity or heading, up to the other way round: all but the battery's.
-  const double misleads_mps = said.rest.starts_with("bat") ? 0 : 2 * rc_full_mps;
-  return FaultActs{
-      .lasts_on =
-          [fault = *fault](Effects::OfDrone& drone, std::size_t item) {
-            drone.sensors.push_back(fault);
-            drone.sensors.back().item = item;
-          },
-      .really_begin = [text = said.text](RealActs& real, const RealStack&) { real.proxy.push_back(text); },
-      .really_end = [text = said.text](RealActs& real, const RealStack&, bool) { real.proxy.push_back(text + " off"); },
-      .misleads_mps = misleads_mps};
+  acts.misleads_mps = parsed.rest.starts_with("bat") ? 0 : 2 * rc_full_mps;
+  return acts;
+}
+
+Result<FaultActs> sdk(const ParsedText& parsed) {
+  const auto fault = parse_sdk_fault(std::string(parsed.words[0]) + " " + parsed.rest);
+  if (!fault) return fault.error();
+  FaultActs acts = switched(&Effects::OfDrone::sdk, *fault, parsed.text);
+  acts.check_real = [](const Fault&, const RealStack& stack) -> Status {
+    return allow_if(stack.shim,
+                    "the proxy knows datagrams, not the SDK's calls: simulated time has it, and the shim "
+                    "(--shim, docs/shim.md)");
+  };
+  // As a state text that says another velocity or heading, up to the other way round.
+  acts.misleads_mps = of_states(fault->kind) ? 2 * rc_full_mps : 0;
+  acts.of_two_drones = fault->kind == SdkFault::Kind::other_drone;
+  return acts;
 }
 
 // What link does not fly by.
@@ -132,81 +140,74 @@ Status with_mocap(const WorldConfig& flight) {
   return allow_if(has, "this flight has no motion capture (flight.pose)");
 }
 
-Result<FaultActs> of_mocap(void (*set)(MocapFault&, const std::array<double, 3>&), const std::array<double, 3>& value,
-                           double misleads_m = 0) {
-  return FaultActs{.lasts_on = [set, value](Effects::OfDrone& drone, std::size_t) { set(drone.mocap, value); },
-                   .check_real = because(inside_the_simulation),
-                   .check_flight = with_mocap,
-                   .misleads_m = misleads_m};
+template <typename Set>
+FaultActs of_mocap(Set set, double misleads_m = 0) {
+  return {.lasts_on = [set](Effects::OfDrone& drone, std::size_t) { set(drone.mocap); },
+          .check_real = because(inside_the_simulation),
+          .check_flight = with_mocap,
+          .misleads_m = misleads_m};
 }
 
-Result<FaultActs> mocap_frozen(const ParsedWords&) {
-  return of_mocap([](MocapFault& mocap, const auto&) { mocap.frozen = true; }, {});
+void add(std::array<double, 3>& to, const std::array<double, 3>& more) {
+  for (std::size_t i = 0; i < 3; ++i) to[i] += more[i];
 }
 
-Result<FaultActs> mocap_jump(const ParsedWords& said) {
-  const auto offset = vector_of(said.words);
+Result<FaultActs> mocap_frozen(const ParsedText&) {
+  return of_mocap([](MocapFault& mocap) { mocap.frozen = true; });
+}
+
+Result<FaultActs> mocap_jump(const ParsedText& parsed) {
+  const auto offset = vector_of(parsed.words);
   if (!offset) return Error{"jump must be followed by three distances in m"};
-  const auto add = [](MocapFault& mocap, const auto& metres) {
-    for (std::size_t i = 0; i < 3; ++i) mocap.offset_m[i] += metres[i];
-  };
-  return of_mocap(add, *offset, std::hypot((*offset)[0], (*offset)[1], (*offset)[2]));
+  return of_mocap([metres = *offset](MocapFault& mocap) { add(mocap.offset_m, metres); }, length_of(*offset));
 }
 
 constexpr double max_creep_mps = 5;
 constexpr double crept_m = 0.6;  // until link sees that its sources differ, and stops
 
-Result<FaultActs> mocap_creep(const ParsedWords& said) {
-  const auto velocity = vector_of(said.words);
-  const double speed = velocity ? std::hypot((*velocity)[0], (*velocity)[1], (*velocity)[2]) : 0;
+Result<FaultActs> mocap_creep(const ParsedText& parsed) {
+  const auto velocity = vector_of(parsed.words);
+  const double speed = velocity ? length_of(*velocity) : 0;
   if (speed <= 0 || speed > max_creep_mps) return Error{"creep must be followed by three velocities, up to 5 m/s"};
-  const auto add = [](MocapFault& mocap, const auto& mps) {
-    for (std::size_t i = 0; i < 3; ++i) mocap.creep_mps[i] += mps[i];
-  };
-  return of_mocap(add, *velocity, crept_m);
+  return of_mocap([mps = *velocity](MocapFault& mocap) { add(mocap.creep_mps, mps); }, crept_m);
 }
 
 // How far a drone can fly the wrong way until link sees that it does not move as commanded.
 constexpr double turned_m = 2;
 
-Result<FaultActs> mocap_turn(const ParsedWords& said) {
-  const auto degrees = parse_number(said.words[0]);
+Result<FaultActs> mocap_turn(const ParsedText& parsed) {
+  const auto degrees = parse_number(parsed.words[0]);
   if (!degrees || std::abs(*degrees) > 180) return Error{"turn must be followed by -180 to 180 degrees"};
-  return of_mocap([](MocapFault& mocap, const auto& turns) { mocap.turn_rad += turns[0]; },
-                  {*degrees * std::numbers::pi / 180}, turned_m);
+  return of_mocap([turn_rad = *degrees * std::numbers::pi / 180](MocapFault& mocap) { mocap.turn_rad += turn_rad; },
+                  turned_m);
 }
 
-Result<FaultActs> mocap_noise(const ParsedWords& said) {
-  const auto sigma = parse_number(said.words[0]);
+Result<FaultActs> mocap_noise(const ParsedText& parsed) {
+  const auto sigma = parse_number(parsed.words[0]);
   if (!sigma || *sigma < 0 || *sigma > 100) return Error{"noise must be followed by 0 to 100 m"};
-  return of_mocap([](MocapFault& mocap, const auto& metres) { mocap.noise_m = metres[0]; }, {*sigma}, 3 * *sigma);
+  return of_mocap([metres = *sigma](MocapFault& mocap) { mocap.noise_m = metres; }, 3 * *sigma);
 }
 
-Result<FaultActs> mocap_every(const ParsedWords& said) {
-  const auto period = parse_time(said.words[0]);
+Result<FaultActs> mocap_every(const ParsedText& parsed) {
+  const auto period = parse_time(parsed.words[0]);
   if (!period) return period.error();
   if (*period <= 0) return Error{"every must be followed by more than 0 s"};
-  return FaultActs{
-      .lasts_on = [period = *period](Effects::OfDrone& drone, std::size_t) { drone.mocap.period_ns = period; },
-      .check_real = because(inside_the_simulation),
-      .check_flight = with_mocap};
+  return of_mocap([period = *period](MocapFault& mocap) { mocap.period_ns = period; });
 }
 
-Result<FaultActs> mocap_effects(const ParsedWords& said) {
-  const auto effects = effects_in(said.rest);
+Result<FaultActs> mocap_effects(const ParsedText& parsed) {
+  const auto effects = effects_in(parsed.rest);
   if (!effects) return effects.error();
-  return FaultActs{
-      .lasts_on = [effects = *effects](Effects::OfDrone& drone,
-                                       std::size_t) { overlay(effects, drone.impairment(DroneTraffic::mocap)); },
-      .check_real = because("mocap goes past the proxy, by DDS"),
-      .check_flight = with_mocap};
+  return FaultActs{.lasts_on = overlay_on({DroneTraffic::mocap}, *effects),
+                   .check_real = because("mocap goes past the proxy, by DDS"),
+                   .check_flight = with_mocap};
 }
 
 constexpr FaultKind drone_table[] = {
     {"drone NAME to|answers|states|from|both EFFECTS...", link_effects},
     {"drone NAME plans EFFECTS...", plan_effects},
     {"drone NAME reboot", reboot},
-    {"drone NAME propeller", lose_propeller},
+    {"drone NAME propeller", remove_propeller},
     {"drone NAME battery SHARE", set_battery},
     {"drone NAME drain SHARE", drain},
     {"drone NAME heat CELSIUS", heat},
@@ -220,6 +221,7 @@ constexpr FaultKind drone_table[] = {
     {"mocap NAME every TIME", mocap_every},
     {"mocap NAME EFFECTS...", mocap_effects},
     {"wind X Y Z", wind},
+    {"sdk NAME answers|states WHAT...", sdk},
 };
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cctype>
 #include <utility>
@@ -15,7 +14,7 @@
 
 namespace ledgerline::hil {
 
-bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
+bool Trigger::reached(TimeNs now, const DroneObservation& drone) const {
   switch (kind) {
     case Kind::time:
       return now >= after_ns;
@@ -37,6 +36,29 @@ bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
   return false;
 }
 
+TriggerWatch::TriggerWatch(const Trigger& its_trigger, std::string_view name, std::span<const DroneObservation> all)
+    : trigger(its_trigger) {
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (name.empty() || name == all[i].name) drones.push_back(i);
+  }
+}
+
+bool TriggerWatch::is_due(TimeNs now, std::span<const DroneObservation> all) {
+  const auto reaches = [&](std::size_t i) { return trigger.reached(now, all[i]); };
+  if (!reached_ns && std::any_of(drones.begin(), drones.end(), reaches))
+    reached_ns = trigger.kind == Trigger::Kind::time ? now - trigger.after_ns : now;
+  return reached_ns && now >= *reached_ns + trigger.after_ns;
+}
+
+std::vector<DroneObservation> named_drones(int count) {
+  std::vector<DroneObservation> drones(static_cast<std::size_t>(count));
+  for (int k = 1; k <= count; ++k) {
+    drones[static_cast<std::size_t>(k) - 1].name = drone_name(k);
+    drones[static_cast<std::size_t>(k) - 1].number = static_cast<DroneNumber>(k);
+  }
+  return drones;
+}
+
 Result<Trigger> parse_trigger(std::string_view text) {
   const std::string_view whole = trimmed(text);
   constexpr std::string_view usage =
@@ -53,14 +75,9 @@ Result<Trigger> parse_trigger(std::string_view text) {
   }
   const auto words = words_of(head);
   using Kind = Trigger::Kind;
-  constexpr std::array<std::pair<std::string_view, Kind>, 5> plain{{{"takeoff", Kind::takeoff},
-                                                                    {"flying", Kind::flying},
-                                                                    {"path", Kind::path},
-                                                                    {"landing", Kind::landing},
-                                                                    {"landed", Kind::landed}}};
   if (words.size() == 1) {
-    for (const auto& [name, kind] : plain) {
-      if (words[0] != name) continue;
+    for (const Kind kind : {Kind::takeoff, Kind::flying, Kind::path, Kind::landing, Kind::landed}) {
+      if (words[0] != enum_names<Kind>[static_cast<std::size_t>(kind)]) continue;
       trigger.kind = kind;
       return trigger;
     }
@@ -89,7 +106,7 @@ namespace {
 void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
   port.cut(now, effects.cut);
   port.stale(effects.stale);
-  port.lie(effects.lie);
+  port.set_tampering(effects.lie);
   port.serve(effects.serves);
   port.order(effects.orders);
   port.slip(effects.slip);
@@ -102,7 +119,7 @@ void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
 }  // namespace
 
 void Effects::apply_to(SimulatedWorld& world) const {
-  world.relay().lie(relay ? relay->lie : RelayTampering::none);
+  world.relay().set_tampering(relay ? relay->lie : RelayTampering::none);
   if (relay) world.relay().compared(relay->compared);
   world.stall_ledger(ledger_stalled);
   for (const Process process : {Process::agent, Process::link, Process::ground}) {
@@ -119,8 +136,8 @@ void Effects::apply_to(SimulatedWorld& world) const {
     assert(set.ok());  // a fault that needs another drone was refused where there is none
     world.network(i).set_sensor_faults(drones[i].sensors);
     world.network(i).set_mocap_fault(drones[i].mocap);
-    world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);
-    world.sim().set_sensing(world.facts()[i].number, drones[i].sensing);
+    world.sim().drain_battery(world.drones()[i].number, drones[i].drain_per_s);
+    world.sim().set_sensing(world.drones()[i].number, drones[i].sensing);
   }
 }
 
@@ -131,15 +148,6 @@ using Words = std::vector<std::string_view>;
 Error wrong(std::string_view text, std::string_view what) { return Error{fmt::format("\"{}\": {}", text, what)}; }
 
 bool is_open(std::string_view of_form) { return std::isupper(static_cast<unsigned char>(of_form[0])) != 0; }
-
-bool is_one_of(std::string_view word, std::string_view choices) {
-  for (std::size_t begin = 0; begin <= choices.size();) {
-    const std::size_t end = std::min(choices.find('|', begin), choices.size());
-    if (choices.substr(begin, end - begin) == word) return true;
-    begin = end + 1;
-  }
-  return false;
-}
 
 /// How well words fit a form.
 struct Fit {
@@ -152,7 +160,7 @@ Fit fit_of(const Words& words, const Words& form) {
   Fit fit;
   for (std::size_t i = 0; i < form.size() && fit.all_fixed; ++i) {
     if (is_open(form[i])) continue;
-    fit.all_fixed = i < words.size() && is_one_of(words[i], form[i]);
+    fit.all_fixed = i < words.size() && std::ranges::count(split(form[i], '|'), words[i]) > 0;
     if (fit.all_fixed) ++fit.fixed;
   }
   const bool open_end = form.back().ends_with("...");
@@ -160,27 +168,26 @@ Fit fit_of(const Words& words, const Words& form) {
   return fit;
 }
 
-FaultKind::ParsedWords said_in(const std::string& text, const FaultKind& kind) {
+FaultKind::ParsedText parse_form(const std::string& text, const FaultKind& kind) {
   const Words words = words_of(text), form = words_of(kind.form);
-  FaultKind::ParsedWords said{text, {}, {}, {}};
+  FaultKind::ParsedText parsed{text, {}, {}, {}};
   for (std::size_t i = 0; i < form.size(); ++i) {
     if (form[i].ends_with("...")) {
-      said.rest = fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(i), words.end(), " "));
+      parsed.rest = fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(i), words.end(), " "));
     } else if (form[i] == "NAME") {
-      said.drone = words[i] == "*" ? "" : words[i];
+      parsed.drone = words[i] == "*" ? "" : words[i];
     } else if (is_open(form[i]) || form[i].find('|') != std::string_view::npos) {
-      said.words.push_back(words[i]);
+      parsed.words.push_back(words[i]);
     }
   }
-  return said;
+  return parsed;
 }
 
 }  // namespace
 
 std::vector<const FaultKind*> fault_kinds() {
   std::vector<const FaultKind*> all;
-  for (const auto& table :
-       {drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults()}) {
+  for (const auto& table : {drone_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults()}) {
     for (const FaultKind& kind : table) all.push_back(&kind);
   }
   return all;
@@ -220,10 +227,10 @@ Result<Fault> parse_fault(std::string_view text, std::string_view at, std::strin
   if (fault.text.empty()) return Error{"a fault must say where and what, as in \"drone tello1 to delay 200ms\""};
   const auto kind = kind_of(fault.text, real);
   if (!kind) return kind.error();
-  const FaultKind::ParsedWords said = said_in(fault.text, **kind);
-  auto acts = (*kind)->make(said);
+  const FaultKind::ParsedText parsed = parse_form(fault.text, **kind);
+  auto acts = (*kind)->make(parsed);
   if (!acts) return wrong(fault.text, acts.error().message);
-  fault.drone = said.drone;
+  fault.drone = parsed.drone;
   fault.acts = std::move(*acts);
   if (!at.empty()) {
     auto trigger = parse_trigger(at);

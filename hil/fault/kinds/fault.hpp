@@ -11,8 +11,11 @@
 
 #include "common/base/result.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
-#include "hil/sitl/facts.hpp"
+#include "hil/sitl/observation.hpp"
 #include "hil/sitl/world.hpp"
+
+// What there is for scripts: in which modes each kind of fault can be had, asked of the kinds themselves with an
+// example of each; and a script's schema.
 
 namespace ledgerline::hil {
 
@@ -25,9 +28,24 @@ struct Trigger {
   double value = 0;                                                           ///< the lap's number; the height [m]
   TimeNs after_ns = 0;                                                        ///< time: the moment itself
   bool of_a_path() const { return kind == Kind::path || kind == Kind::lap; }  ///< ground flies one
-  bool reached(TimeNs now, const DroneFacts& drone) const;                    ///< without `after_ns`; not for time
+  bool reached(TimeNs now, const DroneObservation& drone) const;              ///< without `after_ns`; not for time
 };
 Result<Trigger> parse_trigger(std::string_view text);
+
+/// A moment that is waited for, of the drones that are named.
+struct TriggerWatch {
+  /// `name`: of one drone; empty: all.
+  TriggerWatch(const Trigger& its_trigger, std::string_view name, std::span<const DroneObservation> all);
+  /// Whether it has come; to be called in each step. `now` is since the run's beginning.
+  bool is_due(TimeNs now, std::span<const DroneObservation> all);
+
+  Trigger trigger;
+  std::vector<std::size_t> drones;   ///< indices
+  std::optional<TimeNs> reached_ns;  ///< without the trigger's `after_ns`
+};
+
+/// So many drones that nothing is known of but their names and numbers.
+std::vector<DroneObservation> named_drones(int count);
 
 /// What a script is flown on with the real processes.
 struct RealStack {
@@ -152,17 +170,16 @@ struct FaultKind {
   /// Words in lower case stand as they are, one of those with | between. NAME: a drone, or * for all of them; others
   /// in capitals: one word; with ... behind: all the rest.
   std::string_view form;
-  struct ParsedWords {
+  struct ParsedText {
     std::string text;                     ///< all of it
     std::string drone;                    ///< NAME; empty: every drone
     std::vector<std::string_view> words;  ///< what stands for choices and for other words in capitals
     std::string rest;                     ///< what stands for ...
   };
-  Result<FaultActs> (*make)(const ParsedWords& said);
+  Result<FaultActs> (*make)(const ParsedText& parsed);
   bool real_only = false;  ///< simulated time has no such thing
 };
-std::span<const FaultKind> drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(),
-    machine_faults();
+std::span<const FaultKind> drone_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults();
 /// All of them, in one row of rows.
 std::vector<const FaultKind*> fault_kinds();
 
@@ -175,5 +192,29 @@ Result<const FaultKind*> kind_of(std::string_view text, bool real);
 
 /// That its moment never came, in words.
 std::string never_text(const Fault& fault);
+
+/// Whether a word of a form stands for something: it is in capitals.
+bool is_placeholder(std::string_view word);
+
+/// Faults of this kind, one for each way to choose among its words, with something sensible for its words in capitals:
+/// "agent kill", "link kill", "ground kill". A script's fault takes each of them, or says why not. Empty: the form has
+/// a word in capitals that nobody has given an example for (catalogue.cpp).
+std::vector<std::string> examples_of(const FaultKind& kind);
+
+/// How the examples of a kind fare in one mode.
+struct InMode {
+  std::vector<std::string> possible;
+  std::vector<std::pair<std::string, std::string>> refused;  ///< and why
+  bool all() const { return refused.empty() && !possible.empty(); }
+};
+struct KindModes {
+  const FaultKind* kind = nullptr;
+  InMode sitl, embedded, fabric;  ///< the latter two: with the real processes, on this ledger
+  InMode shim;                    ///< with the real processes, and drones behind the shim
+};
+KindModes modes_of(const FaultKind& kind);
+
+/// "sitl, real", "real: `agent kill`", "refused: why" ...: the modes in words.
+std::string modes_text(const KindModes& modes);
 
 }  // namespace ledgerline::hil

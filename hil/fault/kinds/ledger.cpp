@@ -1,16 +1,22 @@
 // Faults of the ledger, of the connections to it, and of those who speak over them.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <csignal>
 
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 #include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-using ParsedWords = FaultKind::ParsedWords;
+using ParsedText = FaultKind::ParsedText;
+
+template <typename Tampering>
+Error one_of(std::string_view what) {
+  return Error{fmt::format("{} must be followed by one of {}", what, fmt::join(words_for<Tampering>(), ", "))};
+}
 
 void signal_ledger(RealActs& real, const RealStack& stack, int signal) {
   if (!stack.fabric) real.programs.emplace_back("ledgerline-node", signal);
@@ -18,7 +24,7 @@ void signal_ledger(RealActs& real, const RealStack& stack, int signal) {
     real.parts.emplace_back(fmt::format("orderer{}", k), signal);
 }
 
-Result<FaultActs> stall_ledger(const ParsedWords&) {
+Result<FaultActs> stall_ledger(const ParsedText&) {
   return FaultActs{.lasts = [](Effects& effects) { effects.ledger_stalled = true; },
                    .really_begin = [](RealActs& real, const RealStack& stack) { signal_ledger(real, stack, SIGSTOP); },
                    .really_end =
@@ -27,7 +33,7 @@ Result<FaultActs> stall_ledger(const ParsedWords&) {
                        }};
 }
 
-Result<FaultActs> restart_ledger(const ParsedWords&) {
+Result<FaultActs> restart_ledger(const ParsedText&) {
   return FaultActs{
       .begin = [](SimulatedWorld& world) { world.restart_ledger(); },
       .check_real = [](const Fault&, const RealStack& stack) -> Status {
@@ -46,9 +52,9 @@ auto on_ports(std::string_view whose, Set set) {
   };
 }
 
-Result<FaultActs> cut(const ParsedWords& said) {
-  return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.cut = true; }),
-                   .really_begin = [processes = processes_of(said.words[0])](RealActs& real, const RealStack& stack) {
+Result<FaultActs> cut(const ParsedText& parsed) {
+  return FaultActs{.lasts = on_ports(parsed.words[0], [](Effects::OfPort& port) { port.cut = true; }),
+                   .really_begin = [processes = processes_of(parsed.words[0])](RealActs& real, const RealStack& stack) {
                      for (const Process process : processes) {
                        for (const std::string& server : servers_of(process, stack))
                          real.proxy.push_back("server " + server + " cut");
@@ -56,30 +62,30 @@ Result<FaultActs> cut(const ParsedWords& said) {
                    }};
 }
 
-Result<FaultActs> stale(const ParsedWords& said) {
+Result<FaultActs> stale(const ParsedText& parsed) {
   return FaultActs{
-      .lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; }),
+      .lasts = on_ports(parsed.words[0], [](Effects::OfPort& port) { port.stale = true; }),
       .check_real = because("a peer that is behind its channel is not built: simulated time alone has it")};
 }
 
-Result<FaultActs> lie(const ParsedWords& said) {
-  const auto lie = lie_from(said.rest);
-  if (!lie) return Error{"lies must be followed by one of " + lies()};
-  return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
+Result<FaultActs> lie(const ParsedText& parsed) {
+  const auto lie = from_word<Tampering>(parsed.rest);
+  if (!lie) return one_of<Tampering>("lies");
+  return FaultActs{.lasts = on_ports(parsed.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
                    .check_real = because(nobody_real)};
 }
 
-Result<FaultActs> serve(const ParsedWords& said) {
-  const auto lie = peer_lie_from(said.rest);
-  if (!lie) return Error{"serves must be followed by one of " + list_of(peer_lie_names())};
-  return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
+Result<FaultActs> serve(const ParsedText& parsed) {
+  const auto lie = from_word<PeerTampering>(parsed.rest);
+  if (!lie) return one_of<PeerTampering>("serves");
+  return FaultActs{.lasts = on_ports(parsed.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
                    .check_real = because(nobody_real)};
 }
 
-Result<FaultActs> order(const ParsedWords& said) {
-  const auto lie = peer_lie_from(said.rest);
-  if (!lie) return Error{"orders must be followed by one of " + list_of(peer_lie_names())};
-  return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
+Result<FaultActs> order(const ParsedText& parsed) {
+  const auto lie = from_word<PeerTampering>(parsed.rest);
+  if (!lie) return one_of<PeerTampering>("orders");
+  return FaultActs{.lasts = on_ports(parsed.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
                    .check_real = because(nobody_real),
                    .check_flight = [](const WorldConfig& flight) -> Status {
                      return allow_if(flight.blocks == fabric::BlockSource::ordered,
@@ -88,40 +94,40 @@ Result<FaultActs> order(const ParsedWords& said) {
 }
 
 // Of several relays the later one in the script counts.
-Result<FaultActs> relay(const ParsedWords& said) {
-  const auto words = words_of(said.rest);
-  const auto lie = words.empty() ? std::nullopt : relay_lie_from(words[0]);
+Result<FaultActs> relay(const ParsedText& parsed) {
+  const auto words = words_of(parsed.rest);
+  const auto lie = words.empty() ? std::nullopt : from_word<RelayTampering>(words[0]);
   if (!lie || words.size() > 2 || (words.size() == 2 && words[1] != "compared"))
-    return Error{"ledger relay must be followed by one of " + relay_lies() + ", and may by compared"};
+    return Error{one_of<RelayTampering>("ledger relay").message + ", and may by compared"};
   return FaultActs{
       .lasts = [lies = Effects::OfRelay{*lie, words.size() == 2}](Effects& effects) { effects.relay = lies; },
       .check_real = because(nobody_real)};
 }
 
 // Without a way: both.
-Result<FaultActs> stall_port(const ParsedWords& said) {
-  const bool one_way = said.words.size() > 1;
-  const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
-  return FaultActs{.lasts = on_ports(said.words[0], [to, from](Effects::OfPort& port) {
+Result<FaultActs> stall_port(const ParsedText& parsed) {
+  const bool one_way = parsed.words.size() > 1;
+  const bool to = !one_way || parsed.words[1] == "to", from = !one_way || parsed.words[1] == "from";
+  return FaultActs{.lasts = on_ports(parsed.words[0], [to, from](Effects::OfPort& port) {
                      port.stall_to = port.stall_to || to;
                      port.stall_from = port.stall_from || from;
                    })};
 }
 
 // Of several delays the later one in the script counts.
-Result<FaultActs> delay_port(const ParsedWords& said) {
-  const bool one_way = said.words.size() > 1;
-  const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
-  const auto delay = parse_distribution(said.rest);
+Result<FaultActs> delay_port(const ParsedText& parsed) {
+  const bool one_way = parsed.words.size() > 1;
+  const bool to = !one_way || parsed.words[1] == "to", from = !one_way || parsed.words[1] == "from";
+  const auto delay = parse_distribution(parsed.rest);
   if (!delay) return delay.error();
-  return FaultActs{.lasts = on_ports(said.words[0], [to, from, delay = *delay](Effects::OfPort& port) {
+  return FaultActs{.lasts = on_ports(parsed.words[0], [to, from, delay = *delay](Effects::OfPort& port) {
                      if (to) port.delay_to = delay;
                      if (from) port.delay_from = delay;
                    })};
 }
 
-Result<FaultActs> refuse_effect(const ParsedWords& said) {
-  const std::string effect(said.rest.substr(0, said.rest.find(' ')));
+Result<FaultActs> refuse_effect(const ParsedText& parsed) {
+  const std::string effect(parsed.rest.substr(0, parsed.rest.find(' ')));
   for (const std::string_view no : {"loss", "duplicate", "reorder", "corrupt", "truncate", "jitter", "partition"}) {
     if (effect == no)
       return Error{fmt::format("a ledger's connection is a stream (TCP) and has no {}: use delay, stall or cut", no)};
@@ -132,42 +138,44 @@ Result<FaultActs> refuse_effect(const ParsedWords& said) {
       "DISTRIBUTION"};
 }
 
-Result<FaultActs> slip(const ParsedWords& said) {
-  const auto slip = slip_from(said.rest);
-  if (!slip) return Error{"operator errs must be followed by one of " + slips()};
+Result<FaultActs> slip(const ParsedText& parsed) {
+  const auto slip = from_word<Slip>(parsed.rest);
+  if (!slip) return one_of<Slip>("operator errs");
   return FaultActs{.lasts = on_ports("ground", [slip = *slip](Effects::OfPort& port) { port.slip = slip; }),
                    .check_real = because(nobody_real)};
 }
 
-Result<FaultActs> say_control(const ParsedWords& said) {
-  const std::string_view who = said.words[0], name = said.words[1];
+Result<FaultActs> post_control(const ParsedText& parsed) {
+  const std::string_view who = parsed.words[0], name = parsed.words[1];
   const Stopper stopper = who == "operator"     ? Stopper::operating
                           : who == "supervisor" ? Stopper::supervisor
                                                 : Stopper::outsider;
-  const auto word = static_cast<ControlWord>(std::ranges::find(control_words, name) - control_words.begin());
+  const auto word = static_cast<ControlCommand>(std::ranges::find(enum_names<ControlCommand>, name) -
+                                                enum_names<ControlCommand>.begin());
   return FaultActs{
-      .strike = [stopper, word](SimulatedWorld& world, std::size_t drone) { world.say_control(stopper, drone, word); },
+      .strike = [stopper, word](SimulatedWorld& world, std::size_t drone) { world.post_control(stopper, drone, word); },
       .really_begin =
-          [name = std::string(name), drone = said.drone](RealActs& real, const RealStack&) {
+          [name = std::string(name), drone = parsed.drone](RealActs& real, const RealStack&) {
             real.control = {name, drone};
           },
       .check_real = [stopper, word](const Fault&, const RealStack&) -> Status {
         if (stopper != Stopper::operating)
           return Error{"nobody but the operator speaks there: simulated time alone has it"};
-        if (word == ControlWord::cut) return Error{"a real flight's motors are not cut: simulated time alone has it"};
-        return allow_if(word == ControlWord::stop || word == ControlWord::clear_stop,
+        if (word == ControlCommand::cut)
+          return Error{"a real flight's motors are not cut: simulated time alone has it"};
+        return allow_if(word == ControlCommand::stop || word == ControlCommand::clear_stop,
                         "a real flight keeps its lease: simulated time alone has it");
       },
       .momentary = true,
-      .pushes = word == ControlWord::cut,
-      .needs_supervisors = stopper != Stopper::operating || word == ControlWord::hand_over,
-      .cuts = word == ControlWord::cut};
+      .pushes = word == ControlCommand::cut,
+      .needs_supervisors = stopper != Stopper::operating || word == ControlCommand::hand_over,
+      .cuts = word == ControlCommand::cut};
 }
 
-Result<FaultActs> revoke(const ParsedWords&) {
+Result<FaultActs> revoke(const ParsedText&) {
   return FaultActs{
       .strike = [](SimulatedWorld& world,
-                   std::size_t drone) { world.say_control(Stopper::administrator, drone, ControlWord::revoke); },
+                   std::size_t drone) { world.post_control(Stopper::administrator, drone, ControlCommand::revoke); },
       .check_real = because("nobody but the operator speaks there: simulated time alone has it"),
       .momentary = true};
 }
@@ -188,7 +196,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both orders WHAT...", order},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
-    {"operator|supervisor|outsider stop|cut|clear_stop|acquire|claim|evict|request|hand_over|deny NAME", say_control},
+    {"operator|supervisor|outsider stop|cut|clear_stop|acquire|claim|evict|request|hand_over|deny NAME", post_control},
     {"administrator revoke NAME", revoke},
 };
 

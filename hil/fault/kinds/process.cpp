@@ -4,12 +4,12 @@
 #include <cmath>
 #include <csignal>
 
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-using ParsedWords = FaultKind::ParsedWords;
+using ParsedText = FaultKind::ParsedText;
 
 constexpr TimeNs max_death_ns = ns_per_s;  // the launcher starts again what died, within half a second
 
@@ -17,8 +17,8 @@ void signal(RealActs& real, Process process, int signal) {
   real.programs.emplace_back("ledgerline-" + name_of(process), signal);
 }
 
-Result<FaultActs> kill(const ParsedWords& said) {
-  const Process process = processes_of(said.words[0])[0];
+Result<FaultActs> kill(const ParsedText& parsed) {
+  const Process process = processes_of(parsed.words[0])[0];
   return FaultActs{.begin = [process](SimulatedWorld& world) { world.kill(process); },
                    .end = [process](SimulatedWorld& world) { world.start(process); },
                    .really_begin = [process](RealActs& real, const RealStack&) { signal(real, process, SIGKILL); },
@@ -29,13 +29,11 @@ Result<FaultActs> kill(const ParsedWords& said) {
                                      "the launcher starts it again at once: `for` must be at most 1 s");
                    },
                    .stops_link = process == Process::link,
-                   .kills = process == Process::link    ? "link"
-                            : process == Process::agent ? "agent"
-                                                        : "ground"};
+                   .kills = enum_names<Process>[static_cast<std::size_t>(process)]};
 }
 
-Result<FaultActs> stop(const ParsedWords& said) {
-  const Process process = processes_of(said.words[0])[0];
+Result<FaultActs> stop(const ParsedText& parsed) {
+  const Process process = processes_of(parsed.words[0])[0];
   return FaultActs{.lasts = [process](Effects& effects) { effects.stopped[static_cast<std::size_t>(process)] = true; },
                    .really_begin = [process](RealActs& real, const RealStack&) { signal(real, process, SIGSTOP); },
                    .really_end =
@@ -45,7 +43,7 @@ Result<FaultActs> stop(const ParsedWords& said) {
                    .stops_link = process == Process::link};
 }
 
-Result<FaultActs> end_link(const ParsedWords&) {
+Result<FaultActs> end_link(const ParsedText&) {
   return FaultActs{.begin = [](SimulatedWorld& world) { world.end_link(); },
                    .check_real = because("link's end is the flight's end: simulated time alone has it"),
                    .momentary = true,
@@ -53,7 +51,7 @@ Result<FaultActs> end_link(const ParsedWords&) {
                    .stops_link = true};
 }
 
-Result<FaultActs> restart_link(const ParsedWords&) {
+Result<FaultActs> restart_link(const ParsedText&) {
   return FaultActs{.begin = [](SimulatedWorld& world) { world.end_link(true); },
                    .check_real = because("the launcher takes link's end for the flight's: simulated time alone has it"),
                    .momentary = true,
@@ -69,8 +67,8 @@ Result<TimeNs> jump_of(std::string_view word) {
   return back ? -*by : *by;
 }
 
-Result<FaultActs> jump_clock(const ParsedWords& said) {
-  const auto by = jump_of(said.words[0]);
+Result<FaultActs> jump_clock(const ParsedText& parsed) {
+  const auto by = jump_of(parsed.words[0]);
   if (!by) return by.error();
   return FaultActs{.begin = [by_ns = *by](SimulatedWorld& world) { world.clock().jump(by_ns); },
                    .check_real = because(not_its_clock),
@@ -84,29 +82,29 @@ WorldClock::Host host_of(std::string_view word) {
 // Its stamps are of another time than they say, by a second at most: older ones are refused.
 constexpr double off_clock_m = 1;
 
-Result<FaultActs> jump_clock_of(const ParsedWords& said) {
-  const auto by = jump_of(said.words[1]);
+Result<FaultActs> jump_clock_of(const ParsedText& parsed) {
+  const auto by = jump_of(parsed.words[1]);
   if (!by) return by.error();
-  return FaultActs{
-      .begin = [host = host_of(said.words[0]), by_ns = *by](SimulatedWorld& world) { world.clock().jump(host, by_ns); },
-      .check_real = because(not_its_clock),
-      .momentary = true,
-      .for_good = true,
-      .misleads_m = off_clock_m};
+  return FaultActs{.begin = [host = host_of(parsed.words[0]),
+                             by_ns = *by](SimulatedWorld& world) { world.clock().jump(host, by_ns); },
+                   .check_real = because(not_its_clock),
+                   .momentary = true,
+                   .for_good = true,
+                   .misleads_m = off_clock_m};
 }
 
-Result<FaultActs> drift_clock_of(const ParsedWords& said) {
-  const auto share = parse_number(said.words[1]);
+Result<FaultActs> drift_clock_of(const ParsedText& parsed) {
+  const auto share = parse_number(parsed.words[1]);
   if (!share || *share == 0 || std::abs(*share) > 0.1)
     return Error{"drift must be followed by seconds a second, up to 0.1 and not 0"};
-  return FaultActs{.lasts = [host = static_cast<std::size_t>(host_of(said.words[0])),
+  return FaultActs{.lasts = [host = static_cast<std::size_t>(host_of(parsed.words[0])),
                              share = *share](Effects& effects) { effects.clock_drift[host] += share; },
                    .check_real = because(not_its_clock),
                    .for_good = true,
                    .misleads_m = off_clock_m};
 }
 
-Result<FaultActs> suspend_host(const ParsedWords&) {
+Result<FaultActs> suspend_host(const ParsedText&) {
   return FaultActs{.begin = [](SimulatedWorld& world) { world.clock().suspend_host(true); },
                    .end = [](SimulatedWorld& world) { world.clock().suspend_host(false); },
                    .check_real = because("who looks on would sleep with it: simulated time alone has it"),
@@ -132,24 +130,24 @@ Result<FaultActs> kill_part_named(const std::string& part) {
                    .momentary = true};
 }
 
-Result<FaultActs> kill_leader(const ParsedWords&) { return kill_part_named(leader_part); }
+Result<FaultActs> kill_leader(const ParsedText&) { return kill_part_named(leader_part); }
 
-Result<FaultActs> kill_part(const ParsedWords& said) {
-  const auto number = parse_number(said.words[1]);
+Result<FaultActs> kill_part(const ParsedText& parsed) {
+  const auto number = parse_number(parsed.words[1]);
   if (!number || *number < 1 || *number > 3 || *number != std::floor(*number))
-    return Error{fmt::format("must be `{} N kill`, N from 1 to 3", said.words[0])};
-  return kill_part_named(fmt::format("{}{:.0f}", said.words[0], *number));
+    return Error{fmt::format("must be `{} N kill`, N from 1 to 3", parsed.words[0])};
+  return kill_part_named(fmt::format("{}{:.0f}", parsed.words[0], *number));
 }
 
-Result<FaultActs> kill_roudi(const ParsedWords&) {
+Result<FaultActs> kill_roudi(const ParsedText&) {
   return FaultActs{
       .really_begin = [](RealActs& real, const RealStack&) { real.programs.emplace_back("ledgerline-roudi", SIGKILL); },
       .momentary = true,
       .kills = "roudi"};
 }
 
-Result<FaultActs> burn_core(const ParsedWords& said) {
-  const auto core = parse_number(said.words[0]);
+Result<FaultActs> burn_core(const ParsedText& parsed) {
+  const auto core = parse_number(parsed.words[0]);
   if (!core || *core < 0 || *core >= 1024 || *core != std::floor(*core))
     return Error{"must be `cpu N burn`, N being a core from 0 on"};
   return FaultActs{
@@ -160,8 +158,8 @@ Result<FaultActs> burn_core(const ParsedWords& said) {
           }};
 }
 
-Result<FaultActs> take_memory(const ParsedWords& said) {
-  const std::string_view size = said.words[0];
+Result<FaultActs> take_memory(const ParsedText& parsed) {
+  const std::string_view size = parsed.words[0];
   const auto megabytes = size.ends_with("MB") ? parse_number(size.substr(0, size.size() - 2)) : std::nullopt;
   if (!megabytes || *megabytes < 1 || *megabytes > 1e6) return Error{"must be `memory take 500MB`, with at least 1MB"};
   const auto bytes = static_cast<std::uint64_t>(*megabytes * 1e6);
@@ -169,7 +167,7 @@ Result<FaultActs> take_memory(const ParsedWords& said) {
                    .really_end = [bytes](RealActs& real, const RealStack&, bool) { real.take_bytes = bytes; }};
 }
 
-Result<FaultActs> fill_disk(const ParsedWords&) {
+Result<FaultActs> fill_disk(const ParsedText&) {
   return FaultActs{.really_begin = [](RealActs& real, const RealStack&) { real.fill_disk = true; },
                    .really_end = [](RealActs& real, const RealStack&, bool goes_on) { real.fill_disk = !goes_on; },
                    .check_real = [](const Fault&, const RealStack& stack) -> Status {

@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
-using ParsedWords = FaultKind::ParsedWords;
+using ParsedText = FaultKind::ParsedText;
 
 constexpr double max_bias_mps = 5, max_baro_drift_mps = 10;
 
@@ -24,24 +24,24 @@ FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = fa
                    .misleads_mps = misleads_mps};
 }
 
-Result<FaultActs> flow_lost(const ParsedWords&) {
+Result<FaultActs> flow_lost(const ParsedText&) {
   return senses([](sim::Sensing& sensing) { sensing.light = 0; }, false, 0, true);
 }
 
-Result<FaultActs> light_or_floor(const ParsedWords& said) {
-  const auto share = share_of(said.words[1]);
+Result<FaultActs> light_or_floor(const ParsedText& parsed) {
+  const auto share = parse_share(parsed.words[1]);
   if (!share || *share >= sim::SensorParameters{}.flow_needs)
-    return Error{std::string(said.words[0]) + " must be followed by a share below 20%: with more, flow is not lost"};
-  double sim::Sensing::*const which = said.words[0] == "light" ? &sim::Sensing::light : &sim::Sensing::floor;
+    return Error{std::string(parsed.words[0]) + " must be followed by a share below 20%: with more, flow is not lost"};
+  double sim::Sensing::*const which = parsed.words[0] == "light" ? &sim::Sensing::light : &sim::Sensing::floor;
   return senses([which, share = *share](sim::Sensing& sensing) { sensing.*which = std::min(sensing.*which, share); },
                 false, 0, true);
 }
 
 // Biases add up, and so do drifts.
-Result<FaultActs> flow_bias(const ParsedWords& said) {
+Result<FaultActs> flow_bias(const ParsedText& parsed) {
   std::array<double, 2> bias{};
   for (std::size_t i = 0; i < 2; ++i) {
-    const auto value = parse_number(said.words[i]);
+    const auto value = parse_number(parsed.words[i]);
     if (!value || std::abs(*value) > max_bias_mps)
       return Error{"flow bias must be followed by two velocities in m/s, east and north, up to 5"};
     bias[i] = *value;
@@ -54,22 +54,22 @@ Result<FaultActs> flow_bias(const ParsedWords& said) {
       true, std::hypot(bias[0], bias[1]));
 }
 
-Result<FaultActs> tof_nothing(const ParsedWords&) {
+Result<FaultActs> tof_nothing(const ParsedText&) {
   return senses([](sim::Sensing& sensing) { sensing.tof = false; }, false);
 }
 
-Result<FaultActs> imu_invalid(const ParsedWords&) {
+Result<FaultActs> imu_invalid(const ParsedText&) {
   return senses([](sim::Sensing& sensing) { sensing.imu = false; }, false);
 }
 
-Result<FaultActs> baro_drift(const ParsedWords& said) {
-  const auto rate = parse_number(said.words[0]);
+Result<FaultActs> baro_drift(const ParsedText& parsed) {
+  const auto rate = parse_number(parsed.words[0]);
   if (!rate || *rate == 0 || std::abs(*rate) > max_baro_drift_mps)
     return Error{"baro drift must be followed by a rate in m/s, up to 10 and not 0"};
   return senses([rate = *rate](sim::Sensing& sensing) { sensing.baro_drift_mps += rate; }, false, std::abs(*rate));
 }
 
-Result<FaultActs> pads_gone(const ParsedWords&) {
+Result<FaultActs> pads_gone(const ParsedText&) {
   return FaultActs{.lasts =
                        [](Effects& effects) {
                          for (Effects::OfDrone& drone : effects.drones) drone.sensing.pads = false;

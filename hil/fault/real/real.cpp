@@ -10,9 +10,7 @@
 
 #include "common/base/file.hpp"
 #include "common/process/children.hpp"
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/own/sdk_flight.hpp"
-#include "hil/fault/real/live_facts.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real_faults.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/script.hpp"
@@ -52,25 +50,20 @@ class RealFlight {
   std::uint64_t seed_;
   RealOptions options_;
   std::string run_;
-  LiveFacts live_;
+  LiveObservation live_;
   SmallDisk disk_;  // outlives the programs that write there
   RealFaults faults_;
   OwnProgram program_;
   Children children_{{[this](const std::string& name, const std::string& line) {
-    name == OwnProgram::name ? program_.take_line(line) : faults_.take_line(name, line);
+    name == OwnProgram::name ? program_.add_line(line) : faults_.add_line(name, line);
   }}};
   bool over_ = true;
   TimeNs asked_to_end_ns_ = 0;
 };
 
 Status RealFlight::start() {
-  std::error_code error;
-  fs::create_directories(options_.directory, error);
-  if (error) return Error{fmt::format("cannot make {}: {}", options_.directory, error.message())};
-  for (const std::string& old : {run_, options_.directory + "/result.json"}) {
-    if (fs::exists(old, error))
-      return Error{fmt::format("{} is of another flight: remove it, or give --out another folder", old)};
-  }
+  if (auto made = make_flight_folder(options_.directory, {run_, options_.directory + "/result.json"}); !made)
+    return made;
   const bool fills = std::any_of(script_.faults.begin(), script_.faults.end(),
                                  [](const Fault& fault) { return fault.acts.fills_disk; });
   if (fills) {
@@ -130,9 +123,9 @@ Status RealFlight::watch() {
       return Error{fmt::format("no flight within {:.0f} s: see {}", to_seconds(start_timeout_ns), options_.directory)};
     if (live_.begin_ns() == 0) continue;
     if (auto stepped = faults_.step(now); !stepped) return stepped;
-    if (program_.wanted() && !program_.started()) {
+    if (program_.has_command() && !program_.started()) {
       if (auto started = program_.start({}, topics_environment(script_.flight.drones)); !started) return started;
-    } else if (program_.wanted() && !program_.running()) {
+    } else if (program_.has_command() && !program_.running()) {
       ask_to_end(now);
     }
     const TimeNs late_ns = now - live_.begin_ns() - script_.limit_ns;
@@ -242,11 +235,22 @@ Result<RunResult> RealFlight::fly() {
   const auto recorded = recording();
   if (!recorded) return recorded.error();
   RunResult result = check_recording(script_, seed_, *recorded);
-  if (program_.wanted()) result.verdicts.push_back(program_.verdict(result.flown_ns));
+  if (program_.has_command()) result.verdicts.push_back(program_.verdict(result.flown_ns));
   return result;
 }
 
 }  // namespace
+
+Status make_flight_folder(const std::string& folder, const std::vector<std::string>& must_not_be_there) {
+  std::error_code error;
+  for (const std::string& old : must_not_be_there) {
+    if (fs::exists(old, error))
+      return Error{fmt::format("{} is of another flight: remove it, or give --out another folder", old)};
+  }
+  fs::create_directories(folder, error);
+  if (error) return Error{fmt::format("cannot make {}: {}", folder, error.message())};
+  return done;
+}
 
 Result<RunResult> run_really(const Script& script, std::uint64_t seed, const RealOptions& options) {
   if (script.kind == FlightKind::sdk) return fly_by_sdk(script, seed, options);

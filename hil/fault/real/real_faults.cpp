@@ -5,6 +5,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <sys/mount.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
@@ -18,8 +19,11 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <utility>
 
+#include "common/process/usage.hpp"
 #include "common/program/socket/command_socket.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -30,38 +34,12 @@ constexpr const char* small_disk = "size=256m";  // the ledger of a flight of so
 }  // namespace
 
 std::vector<pid_t> descendants(pid_t parent, const std::string& program) {
-  std::map<pid_t, pid_t> parents;
-  std::map<pid_t, std::string> programs;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator("/proc", error)) {
-    const std::string text = entry.path().filename();
-    pid_t pid = 0;
-    if (std::from_chars(text.data(), text.data() + text.size(), pid).ec != std::errc()) continue;
-    std::ifstream file(entry.path() / "stat");
-    std::string stat(std::istreambuf_iterator<char>(file), {});
-    const std::size_t name_end = stat.rfind(')');
-    if (name_end == std::string::npos || name_end + 4 > stat.size()) continue;
-    parents[pid] = std::atoi(stat.c_str() + name_end + 4);  // ") S PARENT"
-    std::error_code gone;
-    programs[pid] = fs::read_symlink(entry.path() / "exe", gone).filename();
-  }
   std::vector<pid_t> found;
-  for (const auto& [pid, name] : programs) {
-    if (name != program) continue;
-    pid_t up = pid;
-    for (int i = 0; i < 20 && up > 1 && up != parent; ++i) up = parents.contains(up) ? parents[up] : 0;
-    if (up == parent) found.push_back(pid);
+  for (const pid_t pid : process_tree(parent)) {
+    std::error_code gone;
+    if (fs::read_symlink(fmt::format("/proc/{}/exe", pid), gone).filename() == program) found.push_back(pid);
   }
   return found;
-}
-
-std::uint64_t available_memory() {
-  std::ifstream file("/proc/meminfo");
-  std::string key;
-  for (std::uint64_t kilobytes = 0; file >> key >> kilobytes; file.ignore(100, '\n')) {
-    if (key == "MemAvailable:") return kilobytes * 1'024;
-  }
-  return 0;
 }
 
 CpuLoad::CpuLoad(int core)
@@ -112,15 +90,10 @@ constexpr TimeNs errand_timeout_ns = 20 * ns_per_s;
 
 }  // namespace
 
-RealFaults::RealFaults(const Script& script, Where where, const LiveFacts& live, Children& children)
+RealFaults::RealFaults(const Script& script, Where where, const LiveObservation& live, Children& children)
     : where_(std::move(where)), drones_(script.flight.drones), live_(live), children_(children) {
-  for (const Fault& fault : script.faults) {
-    Planned planned{fault, {}};
-    for (std::size_t i = 0; i < live_.facts().size(); ++i) {
-      if (fault.names(live_.facts()[i].name)) planned.drones.push_back(i);
-    }
-    planned_.push_back(std::move(planned));
-  }
+  for (const Fault& fault : script.faults)
+    planned_.push_back({fault, TriggerWatch(fault.trigger, fault.drone, live_.drones())});
 }
 
 Status RealFaults::step(TimeNs now) {
@@ -143,21 +116,10 @@ void RealFaults::end() {
   memory_.clear();
 }
 
-bool RealFaults::due(const Planned& planned, TimeNs now) const {
-  const Trigger& trigger = planned.fault.trigger;
-  if (trigger.kind == Trigger::Kind::time) return now - live_.begin_ns() >= trigger.after_ns;
-  return planned.reached_ns != 0 && now - planned.reached_ns >= trigger.after_ns;
-}
-
 Status RealFaults::step_faults(TimeNs now) {
   for (Planned& planned : planned_) {
     const Fault& fault = planned.fault;
-    if (planned.reached_ns == 0 && fault.trigger.kind != Trigger::Kind::time) {
-      const bool reached = std::any_of(planned.drones.begin(), planned.drones.end(),
-                                       [&](std::size_t i) { return fault.trigger.reached(now, live_.facts()[i]); });
-      if (reached) planned.reached_ns = now;
-    }
-    if (!planned.begin_asked && due(planned, now)) {
+    if (!planned.begin_asked && planned.watch.is_due(now - live_.begin_ns(), live_.drones())) {
       planned.begin_asked = true;
       const auto begun = [&planned] {
         planned.begun_ns = monotonic_ns();
@@ -281,6 +243,61 @@ void RealFaults::signal_parts(const std::vector<std::pair<std::string, int>>& pa
   };
   errands_.push_back(
       {"fabric-status", {where_.programs + "/ledgerline-fabric", "status", "--dir", where_.run + "/ledger"}, then});
+}
+
+namespace {
+
+// For triggers: there is no link to say it.
+FlightPhase phase_by_truth(const DroneObservation& drone) {
+  if (on_course(drone.truth)) return FlightPhase::flying;
+  if (!on_ground(drone.truth)) return drone.phase;
+  return in_flight(drone.phase) || drone.phase == FlightPhase::landed ? FlightPhase::landed : FlightPhase::on_ground;
+}
+
+}  // namespace
+
+std::vector<TraceRecord> GrowingTrace::read_new() {
+  struct stat file {};
+  if (::stat(path_.c_str(), &file) != 0) return {};
+  if (!reader_ || file.st_ino != inode_) {
+    auto opened = TraceReader::open(path_);
+    if (!opened) return {};
+    reader_ = std::make_unique<TraceReader>(std::move(*opened));
+    inode_ = file.st_ino;
+  }
+  auto records = reader_->read_new();
+  return records ? std::move(*records) : std::vector<TraceRecord>{};
+}
+
+LiveObservation::LiveObservation(const std::string& run, const Script& script)
+    : sim_(run + "/sim.trace"),
+      link_(run + "/link.trace"),
+      ground_(run + "/ground.trace"),
+      by_sdk_(script.kind == FlightKind::sdk),
+      drones_(named_drones(script.flight.drones)) {
+  for (const DroneObservation& drone : drones_) lap_m_.push_back(course_of(script.flight, drone.number, {}).length_m());
+}
+
+void LiveObservation::read() {
+  for (const TraceRecord& r : sim_.read_new()) {
+    if (by_sdk_ && begin_ns_ == 0) begin_ns_ = r.t_ns;
+    if (DroneObservation* drone = of(r); drone && r.kind == TraceKind::truth) {
+      drone->truth.in_flight = r.extra == 1;
+      drone->truth.position_m = {r.v[0], r.v[1], r.v[2]};
+      if (by_sdk_) drone->phase = phase_by_truth(*drone);
+    }
+  }
+  for (const TraceRecord& r : link_.read_new()) {
+    if (begin_ns_ == 0) begin_ns_ = r.t_ns;
+    if (DroneObservation* drone = of(r); drone && r.kind == TraceKind::mode)
+      drone->phase = static_cast<FlightPhase>(r.id);
+  }
+  for (const TraceRecord& r : ground_.read_new()) {
+    DroneObservation* drone = of(r);
+    if (!drone || r.kind != TraceKind::command_made || r.v[3] <= 0) continue;
+    drone->ground_phase = ground::DronePhase::path;
+    drone->lap = 1 + static_cast<int>(r.v[3] / lap_m_[r.drone - 1u]);
+  }
 }
 
 }  // namespace ledgerline::hil

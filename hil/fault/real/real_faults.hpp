@@ -14,17 +14,49 @@
 
 #include "common/base/result.hpp"
 #include "common/process/children.hpp"
-#include "hil/fault/real/live_facts.hpp"
-#include "hil/fault/real/real_script.hpp"
+#include "common/rt/trace.hpp"
+#include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
+#include "hil/fault/script.hpp"
 
 // What faults do to the machine that a flight of the real processes runs on.
+
 namespace ledgerline::hil {
+
+/// A trace that grows, and starts again when its program does.
+class GrowingTrace {
+ public:
+  explicit GrowingTrace(std::string path) : path_(std::move(path)) {}
+  /// What is new; nothing while there is no file.
+  std::vector<TraceRecord> read_new();
+
+ private:
+  std::string path_;
+  std::unique_ptr<TraceReader> reader_;
+  ino_t inode_ = 0;
+};
+
+/// What triggers look at, as far as the traces in the folder of a flight show it while they grow. One thread.
+class LiveObservation {
+ public:
+  LiveObservation(const std::string& run, const Script& script);
+  void read();
+  const std::vector<DroneObservation>& drones() const { return drones_; }
+  TimeNs begin_ns() const { return begin_ns_; }  ///< link's first record; 0: none yet
+
+ private:
+  DroneObservation* of(const TraceRecord& r) {
+    return r.drone >= 1 && r.drone <= drones_.size() ? &drones_[r.drone - 1u] : nullptr;
+  }
+  GrowingTrace sim_, link_, ground_;
+  bool by_sdk_;                ///< neither link nor ground
+  std::vector<double> lap_m_;  ///< by drone
+  std::vector<DroneObservation> drones_;
+  TimeNs begin_ns_ = 0;
+};
 
 /// Processes whose program has this name, among the descendants of `parent`.
 std::vector<pid_t> descendants(pid_t parent, const std::string& program);
-
-std::uint64_t available_memory();
 
 /// Makes a file that leaves no byte of the disk.
 Status fill(const std::string& path);
@@ -66,15 +98,15 @@ class RealFaults {
   };
   struct Planned {
     Fault fault;
-    std::vector<std::size_t> drones;
-    TimeNs reached_ns = 0, begun_ns = 0, ended_ns = 0;
+    TriggerWatch watch;
+    TimeNs begun_ns = 0, ended_ns = 0;
     bool begin_asked = false, stop_requested = false;  ///< an errand may still be on its way
   };
 
-  /// `live` and `children` must outlive it; lines that children print come by take_line().
-  RealFaults(const Script& script, Where where, const LiveFacts& live, Children& children);
+  /// `live` and `children` must outlive it; lines that children print come by add_line().
+  RealFaults(const Script& script, Where where, const LiveObservation& live, Children& children);
 
-  void take_line(const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }
+  void add_line(const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }
   /// To be called repeatedly while the flight goes on. The error says which fault could not be done.
   Status step(TimeNs now);
   /// What outlives no flight.
@@ -94,7 +126,6 @@ class RealFaults {
     TimeNs until_ns = 0;  ///< 0: not begun
   };
   Status step_faults(TimeNs now);
-  bool due(const Planned& planned, TimeNs now) const;
   std::vector<Fault> active(const Planned* without) const;
   Status act(const RealActs& acts, bool begin, const std::function<void()>& acted);
   void signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,
@@ -103,7 +134,7 @@ class RealFaults {
 
   Where where_;
   int drones_;
-  const LiveFacts& live_;
+  const LiveObservation& live_;
   Children& children_;
   std::vector<Planned> planned_;
   std::map<std::string, std::string> lines_;  // of errands

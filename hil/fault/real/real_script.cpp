@@ -1,4 +1,4 @@
-#include "hil/fault/real/real_script.hpp"
+#include "hil/fault/real/real.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -6,8 +6,7 @@
 #include <algorithm>
 
 #include "common/config/config.hpp"
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/own/sdk_flight.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/netem/text_parse.hpp"
 #include "hil/sitl/world_setup.hpp"
 

@@ -1,6 +1,7 @@
 #include "hil/fault/real/replay.hpp"
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 
 #include <algorithm>
 #include <cmath>
@@ -24,19 +25,15 @@ class Player {
       : recording_(recording),
         begin_ns_(recording.begin_ns),
         on_path_(script.kind == FlightKind::path),
-        facts_(static_cast<std::size_t>(script.flight.drones)) {
-    for (std::size_t i = 0; i < facts_.size(); ++i) {
-      facts_[i].number = static_cast<DroneNumber>(i + 1);
-      facts_[i].name = drone_name(static_cast<int>(i) + 1);
-    }
-    std::vector<bool> placed(facts_.size());
+        drones_(named_drones(script.flight.drones)) {
+    std::vector<bool> placed(drones_.size());
     for (const TraceRecord& r : recording.sim) {  // where each stands at first
-      DroneFacts* drone = of(r);
+      DroneObservation* drone = of(r);
       if (!drone || placed[r.drone - 1u]) continue;
       placed[r.drone - 1u] = true;
       for (std::size_t k = 0; k < 3; ++k) drone->truth.position_m[k] = r.v[k];
     }
-    for (DroneFacts& drone : facts_) {
+    for (DroneObservation& drone : drones_) {
       drone.start_m = {drone.truth.position_m[0], drone.truth.position_m[1]};
       paths_.push_back(course_of(script.flight, drone.number, drone.start_m));
       drone.corners = corners_of(paths_.back());
@@ -47,14 +44,15 @@ class Player {
   /// Everything up to `t_ns`, of the recording's clock.
   void play(TimeNs t_ns) {
     events_.clear();
-    for (; sim_ < recording_.sim.size() && recording_.sim[sim_].t_ns <= t_ns; ++sim_) see(recording_.sim[sim_]);
+    for (; sim_ < recording_.sim.size() && recording_.sim[sim_].t_ns <= t_ns; ++sim_) on_truth(recording_.sim[sim_]);
     for (const TimeNs at_ns : recording_.link_restarts) {
       if (at_ns > sent_ns_ && at_ns <= t_ns)
         events_.push_back({at_ns - begin_ns_, WorldEvent::Kind::started, 0, 0, "link"});
     }
-    for (; link_ < recording_.link.size() && recording_.link[link_].t_ns <= t_ns; ++link_) hear(recording_.link[link_]);
+    for (; link_ < recording_.link.size() && recording_.link[link_].t_ns <= t_ns; ++link_)
+      on_link(recording_.link[link_]);
     for (; ground_ < recording_.ground.size() && recording_.ground[ground_].t_ns <= t_ns; ++ground_)
-      command(recording_.ground[ground_]);
+      on_command(recording_.ground[ground_]);
     for (const auto& fault : recording_.faults) {
       const auto tell = [&](TimeNs at_ns, const char* what) {
         if (at_ns > sent_ns_ && at_ns <= t_ns)
@@ -65,20 +63,20 @@ class Player {
     }
     sent_ns_ = t_ns;
   }
-  const std::vector<DroneFacts>& facts() const { return facts_; }
+  const std::vector<DroneObservation>& drones() const { return drones_; }
   const std::vector<WorldEvent>& events() const { return events_; }
 
  private:
-  DroneFacts* of(const TraceRecord& r) {
-    return r.drone >= 1 && r.drone <= facts_.size() ? &facts_[r.drone - 1u] : nullptr;
+  DroneObservation* of(const TraceRecord& r) {
+    return r.drone >= 1 && r.drone <= drones_.size() ? &drones_[r.drone - 1u] : nullptr;
   }
 
-  void see(const TraceRecord& r) {
-    DroneFacts* drone = of(r);
+  void on_truth(const TraceRecord& r) {
+    DroneObservation* drone = of(r);
     if (!drone || r.kind != TraceKind::truth) return;
     const std::array<double, 3> at{r.v[0], r.v[1], r.v[2]};
     const double dt = to_seconds(r.t_ns - seen_ns_);
-    seen_ns_ = r.drone == facts_.size() ? r.t_ns : seen_ns_;
+    seen_ns_ = r.drone == drones_.size() ? r.t_ns : seen_ns_;
     for (std::size_t k = 0; k < 3; ++k)
       drone->truth.velocity_mps[k] = dt > 1e-3 && dt < 1 ? (at[k] - drone->truth.position_m[k]) / dt : 0;
     drone->truth.position_m = at;
@@ -91,8 +89,8 @@ class Player {
       drone->off_path_m = paths_[r.drone - 1u].distance_m({at[0], at[1]});
   }
 
-  void hear(const TraceRecord& r) {
-    DroneFacts* drone = of(r);
+  void on_link(const TraceRecord& r) {
+    DroneObservation* drone = of(r);
     if (!drone) return;
     const std::size_t index = r.drone - 1u;
     if (r.kind == TraceKind::mode) {
@@ -124,8 +122,8 @@ class Player {
     }
   }
 
-  void command(const TraceRecord& r) {
-    DroneFacts* drone = of(r);
+  void on_command(const TraceRecord& r) {
+    DroneObservation* drone = of(r);
     if (!drone || r.kind != TraceKind::command_made) return;
     const double length_m = paths_[r.drone - 1u].length_m();
     const bool on_path = r.v[3] > 0 && r.v[3] < drone->laps * length_m;
@@ -136,7 +134,7 @@ class Player {
   const Recording& recording_;
   TimeNs begin_ns_, sent_ns_ = 0, seen_ns_ = 0;
   bool on_path_;  ///< else somebody's own program flies
-  std::vector<DroneFacts> facts_;
+  std::vector<DroneObservation> drones_;
   std::vector<ground::Path> paths_;
   std::vector<WorldEvent> events_;
   std::size_t link_ = 0, sim_ = 0, ground_ = 0;
@@ -145,7 +143,7 @@ class Player {
 /// When the faults of a recording began and ended, and whom they excuse.
 class FaultTimes {
  public:
-  FaultTimes(const Recording& recording, const std::vector<DroneFacts>& drones)
+  FaultTimes(const Recording& recording, const std::vector<DroneObservation>& drones)
       : recording_(recording), drones_(drones), all_ended_(!recording.faults.empty()) {
     for (const auto& fault : recording.faults) {
       const TimeNs begun = fault.begun_ns - recording.begin_ns, ended = fault.ended_ns - recording.begin_ns;
@@ -188,7 +186,7 @@ class FaultTimes {
   }
 
   const Recording& recording_;
-  const std::vector<DroneFacts>& drones_;
+  const std::vector<DroneObservation>& drones_;
   std::optional<TimeNs> first_, last_;
   std::vector<std::size_t> first_drones_;
   bool all_ended_;
@@ -208,18 +206,10 @@ std::vector<std::string> never_begun(const Script& script, const Recording& reco
 }
 
 double distance_m(const TimelinePoint& p, const TimelinePoint& a, const TimelinePoint& b) {
-  double along = 0, length = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    along += (p.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
-    length += (b.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
-  }
-  const double share = length > 0 ? std::clamp(along / length, 0.0, 1.0) : 0;
-  double squares = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const double off = p.at_m[i] - (a.at_m[i] + share * (b.at_m[i] - a.at_m[i]));
-    squares += off * off;
-  }
-  return std::sqrt(squares);
+  const auto vector = [](const TimelinePoint& of) { return Eigen::Vector3d(of.at_m[0], of.at_m[1], of.at_m[2]); };
+  const Eigen::Vector3d way = vector(b) - vector(a), off = vector(p) - vector(a);
+  const double share = way.squaredNorm() > 0 ? std::clamp(off.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0;
+  return (off - share * way).norm();
 }
 
 double farthest_m(const std::vector<TimelinePoint>& from, const std::vector<TimelinePoint>& to) {
@@ -249,8 +239,8 @@ std::vector<std::string> transitions_of(const RunResult& run, std::size_t drone)
 
 RunResult check_recording(const Script& script, std::uint64_t seed, const Recording& recording) {
   Player player(script, recording);
-  RunRecorder recorder(script, seed, player.facts());
-  const FaultTimes times(recording, player.facts());
+  RunRecorder recorder(script, seed, player.drones());
+  const FaultTimes times(recording, player.drones());
   for (TimeNs now = 0; now <= recording.end_ns - recording.begin_ns; now += ns_per_ms) {
     const TimeNs t_ns = recording.begin_ns + now;
     player.play(t_ns);
@@ -259,7 +249,7 @@ RunResult check_recording(const Script& script, std::uint64_t seed, const Record
                                            [&](const auto& span) { return span.first <= t_ns && t_ns < span.second; });
     const auto excuses = times.excuses(t_ns);
     recorder.observe({.now = now,
-                      .drones = player.facts(),
+                      .drones = player.drones(),
                       .events = player.events(),
                       .link_runs = !away,
                       .excuses = excuses,
@@ -272,7 +262,7 @@ RunResult check_recording(const Script& script, std::uint64_t seed, const Record
   ending.over = recording.over;
   ending.ok = recording.ok;
   ending.why = recording.why;
-  ending.in_the_air = in_the_air(player.facts());
+  ending.in_the_air = in_the_air(player.drones());
   ending.missing = never_begun(script, recording);
   ending.lost = recording.lost;
   ending.crashed = recording.crashed;
@@ -310,15 +300,11 @@ Agreement compare(const RunResult& a, const RunResult& b) {
 }
 
 Verdict verdict_on(const Agreement& agreement, double within_m, TimeNs at_ns) {
-  Verdict verdict;
-  verdict.rule.text = "agrees with its simulated run";
-  verdict.rule.always = true;
-  verdict.held = agreement.same_transitions && agreement.farthest_m <= within_m;
-  if (verdict.held) return verdict;
-  verdict.broken_ns = at_ns;
-  verdict.what = fmt::format("{} transitions, places within {:.3f} m ({:.1f} m may be); {}",
-                             agreement.same_transitions ? "the same" : "other", agreement.farthest_m, within_m,
-                             agreement.difference);
+  Verdict verdict = always("agrees with its simulated run");
+  if (!agreement.same_transitions || agreement.farthest_m > within_m)
+    verdict.broke(at_ns, fmt::format("{} transitions, places within {:.3f} m ({:.1f} m may be); {}",
+                                     agreement.same_transitions ? "the same" : "other", agreement.farthest_m, within_m,
+                                     agreement.difference));
   return verdict;
 }
 

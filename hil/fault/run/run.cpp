@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "common/msg/names.hpp"
-#include "hil/fault/own/own_code.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/sitl/world_setup.hpp"
 
@@ -29,7 +29,7 @@ double misled_m(const Script& script) {
   return metres;
 }
 
-TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
+TimelinePoint point_of(TimeNs now, const DroneObservation& facts) {
   TimelinePoint point;
   point.t_ns = now;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -46,72 +46,63 @@ TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
 
 }  // namespace
 
-Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
-  const double slack = 1.5 + misled_m(script), room = script.flight.room_m.value_or(3);
+Limits limits_of(const Script& script, const std::vector<DroneObservation>& drones) {
+  std::vector<std::array<double, 2>> starts_m;
+  for (const DroneObservation& drone : drones) starts_m.push_back(drone.start_m);
+  const link::FenceSettings fence = fence_around(script.flight, starts_m);
+  const double slack = 1.5 + misled_m(script);
   Limits limits;
   limits.height_m += misled_m(script);
-  limits.fence_min_m = {-std::abs(room), -std::abs(room), 0};
-  limits.fence_max_m = {0, 0, 3};
+  limits.fence_min_m = fence.min_m;
+  limits.fence_max_m = fence.max_m;
   for (std::size_t i = 0; i < 2; ++i) {
-    for (std::size_t k = 0; k < drones.size(); ++k) {
-      const Reach reach = reach_of(task_of(script.flight, static_cast<int>(k) + 1));
-      double &min_m = limits.fence_min_m[i], &max_m = limits.fence_max_m[i];
-      min_m = std::min(min_m, drones[k].start_m[i] + reach.min_m[i] - std::abs(room));
-      max_m = std::max(max_m, drones[k].start_m[i] + reach.max_m[i] + room);
-    }
-    limits.min_m[i] = limits.fence_min_m[i] - slack;
-    limits.max_m[i] = limits.fence_max_m[i] + slack;
+    limits.min_m[i] = fence.min_m[i] - slack;
+    limits.max_m[i] = fence.max_m[i] + slack;
   }
   return limits;
 }
 
-std::vector<std::string> in_the_air(const std::vector<DroneFacts>& drones) {
+std::vector<std::string> in_the_air(const std::vector<DroneObservation>& drones) {
   std::vector<std::string> names;
-  for (const DroneFacts& drone : drones) {
+  for (const DroneObservation& drone : drones) {
     if (!on_ground(drone.truth)) names.push_back(drone.name);
   }
   return names;
 }
 
-bool RunResult::held() const {
+bool RunResult::all_held() const {
   return std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held; });
 }
 
-RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones)
-    : RunRecorder(script, seed, drones, limits_of(script, drones)) {}
-
-RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones,
-                         const Limits& limits)
-    : checker_(script.must, limits), figures_(limits) {
+RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneObservation>& drones)
+    : checker_(script.must, limits_of(script, drones)), figures_(limits_of(script, drones)) {
   result_.script = script.name;
   result_.title = script.title;
   result_.seed = seed;
-  for (const DroneFacts& drone : drones) result_.drones.push_back(drone.name);
+  for (const DroneObservation& drone : drones) result_.drones.push_back(drone.name);
   result_.timeline.resize(drones.size());
-  result_.fence_min_m = limits.min_m;
-  result_.fence_max_m = limits.max_m;
 }
 
 void RunRecorder::observe(const Moment& moment) {
   checker_.observe(moment);
   figures_.observe(moment);
-  for (const WorldEvent& event : moment.events) keep_event(moment, event);
+  for (const WorldEvent& event : moment.events) store_event(moment, event);
   if (moment.now < next_point_ns_) return;
   next_point_ns_ = moment.now + timeline_period_ns;
   for (std::size_t i = 0; i < moment.drones.size(); ++i)
     result_.timeline[i].push_back(point_of(moment.now, moment.drones[i]));
 }
 
-void RunRecorder::keep_event(const Moment& moment, const WorldEvent& event) {
+void RunRecorder::store_event(const Moment& moment, const WorldEvent& event) {
   const bool of_each_plan = event.kind == WorldEvent::Kind::applied || event.kind == WorldEvent::Kind::handed;
   if (of_each_plan || result_.events.size() >= max_events) return;
   result_.events.push_back(event);
   if (event.kind != WorldEvent::Kind::mode || !event.text.empty()) return;
-  const DroneFacts& facts = moment.drones[event.drone];
+  const DroneObservation& facts = moment.drones[event.drone];
   result_.events.back().text = mode_text(facts);
 }
 
-std::string mode_text(const DroneFacts& facts) {
+std::string mode_text(const DroneObservation& facts) {
   std::string text = name(facts.phase);
   if (facts.mode != FailsafeMode::none) text += fmt::format(", {}", name(facts.mode));
   if (facts.cause != FailsafeCause::none) text += fmt::format(" ({})", name(facts.cause));
@@ -131,9 +122,9 @@ RunResult RunRecorder::finish(const Ending& ending) {
 namespace {
 
 // What agent and link counted: each of its last life, agent's the mean of the drones that it has a figure of.
-void add_counts(const SimulatedWorld& world, Figures& figures) {
+void add_counts(const SimulatedWorld& world, Metrics& figures) {
   Quantiles two_way;
-  for (std::size_t i = 0; i < world.facts().size(); ++i) {
+  for (std::size_t i = 0; i < world.drones().size(); ++i) {
     const Quantiles drone = world.two_way_ms(i);
     if (drone.count == 0) continue;
     ++two_way.count;
@@ -168,31 +159,25 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   auto made = SimulatedWorld::create(config);
   if (!made) return made.error();
   SimulatedWorld& world = **made;
-  auto scheduled = FaultSchedule::create(script.faults, world.facts());
+  auto scheduled = FaultSchedule::create(script.faults, world.drones());
   if (!scheduled) return scheduled.error();
   FaultSchedule& schedule = *scheduled;
-  Pilot pilot(script.pilot, world.facts());
+  Pilot pilot(script.pilot, world.drones());
 
-  RunRecorder recorder(script, seed, world.facts());
-  std::vector<Moment::Excuse> excuses(world.facts().size());
+  RunRecorder recorder(script, seed, world.drones());
+  std::vector<Moment::Excuse> excuses(world.drones().size());
   const auto over = [&] { return world.over() && !schedule.restart_pending(); };
   while (!over() && world.now() < script.limit_ns) {
     schedule.step(world);
     pilot.step(world);
     world.step();
     for (std::size_t i = 0; i < excuses.size(); ++i) {
-      const FaultSchedule::Effect effect = schedule.effect_on(i, world.now());
-      excuses[i] = {.physical = effect.pushed || world.facts()[i].truth.battery <= 0,
-                    .broken = effect.broken,
-                    .cut = effect.cut,
-                    .blind = effect.blinded,
-                    .misled = effect.misled,
-                    .steered = effect.blinded && link::uses_mocap(script.flight.pose),
-                    .spins = effect.broken,
-                    .deaf = effect.deafened};
+      excuses[i] = schedule.excuse_of(i, world.now());
+      excuses[i].physical = excuses[i].physical || world.drones()[i].truth.battery <= 0;
+      excuses[i].steered = excuses[i].blind && link::uses_mocap(script.flight.pose);
     }
     recorder.observe({.now = world.now(),
-                      .drones = world.facts(),
+                      .drones = world.drones(),
                       .events = world.events(),
                       .link_runs = world.runs(Process::link),
                       .excuses = excuses,
@@ -202,8 +187,8 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   }
 
   std::vector<std::string> plans;
-  for (std::size_t i = 0; i < world.facts().size(); ++i) plans.push_back(world.plans_text(i));
-  Figures counts;
+  for (std::size_t i = 0; i < world.drones().size(); ++i) plans.push_back(world.plans_text(i));
+  Metrics counts;
   add_counts(world, counts);
   Ending ending;
   ending.now = world.now();
@@ -213,7 +198,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   ending.ok = world.ok();
   ending.why = world.why();
   ending.transactions = world.transactions();
-  ending.in_the_air = in_the_air(world.facts());
+  ending.in_the_air = in_the_air(world.drones());
   // With both processes alive and the ledger reached, nothing may be left behind.
   if (ending.over && world.runs(Process::agent) && world.runs(Process::link) && !schedule.any_active()) {
     for (int i = 0; i < 3'000 && world.transitions_pending() > 0; ++i) world.step();

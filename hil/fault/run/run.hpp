@@ -11,7 +11,7 @@
 #include "common/crypto/crypto.hpp"
 #include "hil/fault/checker/checker.hpp"
 #include "hil/fault/checker/rule.hpp"
-#include "hil/fault/run/figures.hpp"
+#include "hil/fault/run/metrics.hpp"
 #include "hil/fault/script.hpp"
 
 namespace ledgerline::hil {
@@ -36,7 +36,7 @@ struct RunResult {
   std::vector<Verdict> verdicts;  ///< the script's rules in their order, then the invariants
   /// What is checked of a simulated run and is not of this one, in words.
   std::vector<std::string> not_checked;
-  bool held() const;
+  bool all_held() const;
   TimeNs flown_ns = 0;  ///< of its own clock
   bool over = false, ok = false;
   std::string why;
@@ -46,19 +46,18 @@ struct RunResult {
   std::vector<std::string> drones;
   std::vector<std::string> plans;  ///< by drone: what became of them, as agent and link that ran last counted
   std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
-  std::array<double, 2> fence_min_m{}, fence_max_m{};
-  Figures figures;
+  Metrics figures;
 };
 inline constexpr std::size_t max_events = 5'000;
 
 /// What the invariants allow in a flight of this script, whose drones stand where the facts say.
-Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones);
+Limits limits_of(const Script& script, const std::vector<DroneObservation>& drones);
 
 /// Drones that are not on the ground, their motors off.
-std::vector<std::string> in_the_air(const std::vector<DroneFacts>& drones);
+std::vector<std::string> in_the_air(const std::vector<DroneObservation>& drones);
 
 /// "flying, hold (pose_lost)"; without mode and cause where there is none.
-std::string mode_text(const DroneFacts& facts);
+std::string mode_text(const DroneObservation& facts);
 
 /// Has one run checked, moment by moment, and keeps of it its figures and what pictures and reports show: a point of
 /// each drone every timeline_period_ns, and the first max_events events. The run may be a simulated one or a recording
@@ -66,19 +65,18 @@ std::string mode_text(const DroneFacts& facts);
 class RunRecorder {
  public:
   /// `drones`: as they stand before the first moment.
-  RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones);
+  RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneObservation>& drones);
 
   void observe(const Moment& moment);
   /// Behind the last moment; what the run alone knows is for the caller to fill in.
   RunResult finish(const Ending& ending);
 
  private:
-  RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones, const Limits& limits);
-  void keep_event(const Moment& moment, const WorldEvent& event);
+  void store_event(const Moment& moment, const WorldEvent& event);
 
   RunResult result_;
   Checker checker_;
-  FigureMaker figures_;
+  MetricRecorder figures_;
   TimeNs next_point_ns_ = 0;
 };
 

@@ -6,21 +6,17 @@
 
 namespace ledgerline::hil {
 
-Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones) {
+Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std::vector<DroneObservation>& drones) {
   std::vector<Item> items;
   for (Fault& fault : faults) {
-    Item item;
-    for (std::size_t i = 0; i < drones.size(); ++i) {
-      if (fault.names(drones[i].name)) item.drones.push_back(i);
-    }
-    if (item.drones.empty())
+    TriggerWatch watch(fault.trigger, fault.drone, drones);
+    if (watch.drones.empty())
       return Error{fmt::format("\"{}\": no {} flies here, only {} to {}", fault.text, fault.drone, drones.front().name,
                                drones.back().name)};
     if (fault.acts.of_two_drones && drones.size() < 2)
       return Error{
           fmt::format("\"{}\": {} flies alone; it needs another drone in the flight", fault.text, drones.front().name)};
-    item.fault = std::move(fault);
-    items.push_back(std::move(item));
+    items.push_back({std::move(fault), std::move(watch)});
   }
   return FaultSchedule(std::move(items), drones.size());
 }
@@ -30,13 +26,7 @@ void FaultSchedule::step(SimulatedWorld& world) {
   bool changed = false;
   for (Item& item : items_) {
     const Fault& fault = item.fault;
-    if (!item.reached_ns) {
-      const bool reached = std::any_of(item.drones.begin(), item.drones.end(),
-                                       [&](std::size_t i) { return fault.trigger.reached(now, world.facts()[i]); });
-      if (!reached) continue;
-      item.reached_ns = fault.trigger.kind == Trigger::Kind::time ? now - fault.trigger.after_ns : now;
-    }
-    if (!item.begun_ns && now >= *item.reached_ns + fault.trigger.after_ns) {
+    if (!item.begun_ns && item.watch.is_due(now, world.drones())) {
       item.begun_ns = now;
       begin(world, item);
       if (fault.acts.momentary) item.ended_ns = now;
@@ -53,15 +43,15 @@ void FaultSchedule::step(SimulatedWorld& world) {
 
 void FaultSchedule::begin(SimulatedWorld& world, const Item& item) const {
   const FaultActs& acts = item.fault.acts;
-  world.note(WorldEvent::Kind::fault, item.drones[0], "begins: " + item.fault.text);
-  for (const std::size_t drone : item.drones) {
+  world.note(WorldEvent::Kind::fault, item.watch.drones[0], "begins: " + item.fault.text);
+  for (const std::size_t drone : item.watch.drones) {
     if (acts.strike) acts.strike(world, drone);
   }
   if (acts.begin) acts.begin(world);
 }
 
 void FaultSchedule::end(SimulatedWorld& world, const Item& item) const {
-  world.note(WorldEvent::Kind::fault, item.drones[0], "ends: " + item.fault.text);
+  world.note(WorldEvent::Kind::fault, item.watch.drones[0], "ends: " + item.fault.text);
   const bool goes_on = std::any_of(items_.begin(), items_.end(), [&](const Item& other) {
     return other.active() && other.fault.text == item.fault.text;
   });
@@ -74,7 +64,7 @@ Effects FaultSchedule::effects() const {
     const Item& item = items_[number];
     if (!item.active()) continue;
     if (item.fault.acts.lasts) item.fault.acts.lasts(effects);
-    for (const std::size_t drone : item.drones) {
+    for (const std::size_t drone : item.watch.drones) {
       if (item.fault.acts.lasts_on) item.fault.acts.lasts_on(effects.drones[drone], number);
     }
   }
@@ -119,24 +109,24 @@ std::span<const std::size_t> FaultSchedule::first_drones() const {
   const auto first = first_begun_ns();
   const auto found =
       std::find_if(items_.begin(), items_.end(), [&](const Item& item) { return first && item.begun_ns == first; });
-  return found == items_.end() ? std::span<const std::size_t>() : std::span<const std::size_t>(found->drones);
+  return found == items_.end() ? std::span<const std::size_t>() : std::span<const std::size_t>(found->watch.drones);
 }
 
-FaultSchedule::Effect FaultSchedule::effect_on(std::size_t drone, TimeNs now) const {
-  Effect effect;
+Moment::Excuse FaultSchedule::excuse_of(std::size_t drone, TimeNs now) const {
+  Moment::Excuse excuse;
   for (const Item& item : items_) {
-    const bool its = std::find(item.drones.begin(), item.drones.end(), drone) != item.drones.end();
+    const bool its = std::find(item.watch.drones.begin(), item.watch.drones.end(), drone) != item.watch.drones.end();
     const FaultActs& acts = item.fault.acts;
-    effect.cut = effect.cut || (item.begun_ns && its && acts.cuts);
+    excuse.cut = excuse.cut || (item.begun_ns && its && acts.cuts);
     const TimeNs after = acts.stops_link ? restart_ns : aftermath_ns;
     if (!item.begun_ns || !its || (!acts.for_good && item.ended_ns && now > *item.ended_ns + after)) continue;
-    effect.pushed = effect.pushed || acts.pushes;
-    effect.blinded = effect.blinded || acts.blinds;
-    effect.misled = effect.misled || acts.misleads_mps > 0;
-    effect.deafened = effect.deafened || acts.deafens || acts.stops_link;
-    effect.broken = effect.broken || acts.breaks;
+    excuse.physical = excuse.physical || acts.pushes;
+    excuse.blind = excuse.blind || acts.blinds;
+    excuse.misled = excuse.misled || acts.misleads_mps > 0;
+    excuse.deaf = excuse.deaf || acts.deafens || acts.stops_link;
+    excuse.broken = excuse.spins = excuse.broken || acts.breaks;
   }
-  return effect;
+  return excuse;
 }
 
 }  // namespace ledgerline::hil

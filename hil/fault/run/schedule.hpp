@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "hil/fault/checker/rule.hpp"
 #include "hil/fault/kinds/fault.hpp"
 #include "hil/sitl/world.hpp"
 
@@ -13,15 +14,15 @@ namespace ledgerline::hil {
 class FaultSchedule {
  public:
   /// The error names a drone that does not fly.
-  static Result<FaultSchedule> create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones);
+  static Result<FaultSchedule> create(std::vector<Fault> faults, const std::vector<DroneObservation>& drones);
 
   /// Before each step of the world.
   void step(SimulatedWorld& world);
 
   struct Item {
     Fault fault;
-    std::vector<std::size_t> drones;  ///< indices
-    std::optional<TimeNs> reached_ns, begun_ns, ended_ns;
+    TriggerWatch watch;
+    std::optional<TimeNs> begun_ns{}, ended_ns{};
     bool active() const { return begun_ns && !ended_ns; }
   };
   const std::vector<Item>& items() const { return items_; }
@@ -36,16 +37,9 @@ class FaultSchedule {
   /// Of the first one that began; empty: none has.
   std::span<const std::size_t> first_drones() const;
 
-  /// What a fault does to one drone, from its beginning until aftermath_ns (of link: restart_ns) behind its end.
-  struct Effect {
-    bool pushed = false;    ///< from outside, or broken (that for good): how fast and how high it gets says nothing
-    bool broken = false;    ///< for good: it may turn over
-    bool cut = false;       ///< for good: its motors, by who asked for it
-    bool blinded = false;   ///< its own velocity is lost
-    bool misled = false;    ///< what it says of its own motion may be wrong
-    bool deafened = false;  ///< what it is sent may not get there: it flies on with the last rc it got, as a Tello does
-  };
-  Effect effect_on(std::size_t drone, TimeNs now) const;
+  /// What faults excuse one drone of, each from its beginning until aftermath_ns (of link: restart_ns) behind its end;
+  /// what is broken or cut stays so.
+  Moment::Excuse excuse_of(std::size_t drone, TimeNs now) const;
   static constexpr TimeNs aftermath_ns = 5 * ns_per_s;
   /// Of a link that died or stood still: it says zero in its first step, and a drone stops within a second.
   static constexpr TimeNs restart_ns = 1 * ns_per_s;

@@ -5,7 +5,6 @@
 
 #include "common/program/program.hpp"
 #include "hil/fault/compare/comparison.hpp"
-#include "hil/fault/compare/comparison_io.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

@@ -6,11 +6,11 @@
 #include <nlohmann/json.hpp>
 
 #include "common/program/program.hpp"
-#include "hil/fault/catalogue.hpp"
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/real/real_script.hpp"
-#include "hil/fault/run/figures.hpp"
-#include "hil/fault/scenarios.hpp"
+#include "hil/fault/kinds/fault.hpp"
+#include "hil/fault/own_code.hpp"
+#include "hil/fault/real/real.hpp"
+#include "hil/fault/run/metrics.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -23,61 +23,66 @@ struct ListOptions {
   bool json = false;
 };
 
-// One row a line of an array, or a text.
-void print_json(const json& rows) { fmt::print("{}\n", rows.dump(2, ' ', false, json::error_handler_t::replace)); }
-
 json json_of(const InMode& mode) {
   json refused = json::array();
   for (const auto& [example, why] : mode.refused) refused.push_back({{"fault", example}, {"why", why}});
   return {{"possible", mode.possible}, {"refused", refused}};
 }
 
-int list_faults(bool as_json) {
-  json rows = json::array();
+/// Rows as they are made: printed one a line, or kept for an array.
+class Listing {
+ public:
+  explicit Listing(bool as_json) : as_json_(as_json) {}
+  void add(json row, const std::string& line) {
+    if (as_json_)
+      rows_.push_back(std::move(row));
+    else
+      fmt::print("{}\n", line);
+  }
+  int finish(int code = 0) const {
+    if (as_json_) fmt::print("{}\n", rows_.dump(2, ' ', false, json::error_handler_t::replace));
+    return code;
+  }
+
+ private:
+  bool as_json_;
+  json rows_ = json::array();
+};
+
+int list_faults(Listing listing) {
   for (const FaultKind* kind : fault_kinds()) {
     const KindModes modes = modes_of(*kind);
-    if (as_json)
-      rows.push_back({{"form", kind->form},
-                      {"modes", modes_text(modes)},
-                      {"sitl", json_of(modes.sitl)},
-                      {"real_embedded", json_of(modes.embedded)},
-                      {"real_fabric", json_of(modes.fabric)},
-                      {"real_shim", json_of(modes.shim)}});
-    else
-      fmt::print("{:<66} {}\n", kind->form, modes_text(modes));
+    listing.add({{"form", kind->form},
+                 {"modes", modes_text(modes)},
+                 {"sitl", json_of(modes.sitl)},
+                 {"real_embedded", json_of(modes.embedded)},
+                 {"real_fabric", json_of(modes.fabric)},
+                 {"real_shim", json_of(modes.shim)}},
+                fmt::format("{:<66} {}", kind->form, modes_text(modes)));
   }
-  if (as_json) print_json(rows);
-  return 0;
+  return listing.finish();
 }
 
-int list_rules(bool as_json) {
-  json rows = json::array();
+int list_rules(Listing listing) {
   for (const RuleKind& kind : rule_kinds()) {
     const std::string modes = kind.not_real.empty() ? "sitl, real" : fmt::format("sitl ({})", kind.not_real);
-    if (as_json)
-      rows.push_back({{"rule", form_of(kind)},
-                      {"help", kind.help},
-                      {"sitl", true},
-                      {"real", kind.not_real.empty()},
-                      {"why_not_real", kind.not_real}});
-    else
-      fmt::print("{:<40} {}: {}\n", form_of(kind), modes, kind.help);
+    listing.add({{"rule", form_of(kind)},
+                 {"help", kind.help},
+                 {"sitl", true},
+                 {"real", kind.not_real.empty()},
+                 {"why_not_real", kind.not_real}},
+                fmt::format("{:<40} {}: {}", form_of(kind), modes, kind.help));
   }
-  if (as_json) print_json(rows);
-  return 0;
+  return listing.finish();
 }
 
-int list_figures(bool as_json) {
-  json rows = json::array();
-  for (const FigureKind& kind : figure_kinds()) {
+int list_figures(Listing listing) {
+  for (const MetricKind& kind : metric_kinds()) {
     const char* worse = kind.less_is_worse ? "less" : "more";
-    if (as_json)
-      rows.push_back({{"figure", kind.name}, {"help", kind.help}, {"least_change", kind.least}, {"worse", worse}});
-    else
-      fmt::print("{:<24} {} is worse, from {} on: {}\n", kind.name, worse, kind.least, kind.help);
+    listing.add({{"figure", kind.name}, {"help", kind.help}, {"least_change", kind.least}, {"worse", worse}},
+                fmt::format("{:<24} {} is worse, from {} on: {}", kind.name, worse, kind.least, kind.help));
   }
-  if (as_json) print_json(rows);
-  return 0;
+  return listing.finish();
 }
 
 /// What is asked for: a folder's scripts, or those of a group or name among the scenarios; and where groups begin.
@@ -97,7 +102,7 @@ int list_scenarios(const std::string& asked, bool as_json) {
   std::string folder;
   const auto files = files_asked(asked, folder);
   if (!files) return usage_error(files.error().message);
-  json rows = json::array();
+  Listing listing(as_json);
   std::string group_before;
   int code = 0;
   for (const std::string& file : *files) {
@@ -109,31 +114,29 @@ int list_scenarios(const std::string& asked, bool as_json) {
     }
     const std::string group = group_of(file, folder);
     const bool simulated = check_sitl(*script).ok();
-    if (as_json) {
-      const OwnCode given{.controller = "", .program = {"given"}};  // of one that somebody's own program flies
-      const auto real =
-          check_real(*script, {}, script->kind == FlightKind::path || !script->pilot.empty() ? OwnCode{} : given);
-      rows.push_back({{"name", script->name},
-                      {"group", group},
-                      {"title", script->title},
-                      {"file", file},
-                      {"sitl", simulated},
-                      {"real", real.ok()},
-                      {"why_not_real", real ? "" : real.error().message}});
-      continue;
-    }
-    if (group != group_before) fmt::print("{}{}:\n", group_before.empty() ? "" : "\n", group);
+    const OwnCode given{.controller = "", .program = {"given"}};  // of one that somebody's own program flies
+    const auto real =
+        check_real(*script, {}, script->kind == FlightKind::path || !script->pilot.empty() ? OwnCode{} : given);
+    const std::string heading =
+        group == group_before ? "" : fmt::format("{}{}:\n", group_before.empty() ? "" : "\n", group);
     group_before = group;
-    fmt::print("  {:<26} {}{}\n", script->name, script->title, simulated ? "" : " (--real --program)");
+    listing.add(
+        {{"name", script->name},
+         {"group", group},
+         {"title", script->title},
+         {"file", file},
+         {"sitl", simulated},
+         {"real", real.ok()},
+         {"why_not_real", real ? "" : real.error().message}},
+        fmt::format("{}  {:<26} {}{}", heading, script->name, script->title, simulated ? "" : " (--real --program)"));
   }
-  if (as_json) print_json(rows);
-  return code;
+  return listing.finish(code);
 }
 
 int list_what(const ListOptions& options) {
-  if (options.what == "faults") return list_faults(options.json);
-  if (options.what == "rules") return list_rules(options.json);
-  if (options.what == "figures") return list_figures(options.json);
+  if (options.what == "faults") return list_faults(Listing(options.json));
+  if (options.what == "rules") return list_rules(Listing(options.json));
+  if (options.what == "figures") return list_figures(Listing(options.json));
   return list_scenarios(options.what, options.json);
 }
 

@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "common/program/program.hpp"
-#include "hil/fault/random_script.hpp"
 #include "hil/fault/run/run.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -22,7 +22,7 @@ bool tell_shortest(const Flight& flight, const RandomOptions& options) {
   if (options.shrinks) {
     script = shrink(script, [&](const Script& shorter) {
       const auto again = run_script(shorter, flight.seed);
-      return again && !again->held();
+      return again && !again->all_held();
     });
   }
   script.seed = flight.seed;
@@ -49,7 +49,7 @@ int fly_random(const RandomOptions& options) {
           printer.print_failure(flight, result.error().message);
           return true;
         }
-        if (!result->held()) broken.push_back(flight);
+        if (!result->all_held()) broken.push_back(flight);
         printer.print_run(std::move(*result), source_of(text_of(flight.script)));
         return true;
       });

@@ -10,11 +10,11 @@
 
 #include "common/base/file.hpp"
 #include "common/program/program.hpp"
-#include "hil/fault/own/own_code.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/run/run.hpp"
-#include "hil/fault/scenarios.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

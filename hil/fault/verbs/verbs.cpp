@@ -56,11 +56,11 @@ void RunPrinter::print_run(RunResult result, const std::string& source, const st
   ++done_;
   flown_s_ += to_seconds(result.flown_ns);
   const double wall_s = to_seconds(monotonic_ns() - start_ns_);
-  if (!result.held()) ++broken_;
-  if (!result.held() || !quiet_) {
+  if (!result.all_held()) ++broken_;
+  if (!result.all_held() || !quiet_) {
     clear();
-    fmt::print("{} {} seed {}: {:.1f} s flown\n{}{}", result.held() ? "held  " : "BROKEN", result.script, result.seed,
-               to_seconds(result.flown_ns), broken_text(result), not_checked_text(result));
+    fmt::print("{} {} seed {}: {:.1f} s flown\n{}{}", result.all_held() ? "held  " : "BROKEN", result.script,
+               result.seed, to_seconds(result.flown_ns), broken_text(result), not_checked_text(result));
   }
   fmt::print("{}", more);
   std::fflush(stdout);
@@ -71,7 +71,7 @@ void RunPrinter::print_run(RunResult result, const std::string& source, const st
   }
   summaries_.push_back(summary_of(result, source));
   summaries_.back().mode = mode_;
-  keep(std::move(result));
+  store(std::move(result));
 }
 
 void RunPrinter::print_failure(const Flight& flight, const std::string& why) {
@@ -103,10 +103,10 @@ void RunPrinter::clear() const {
   if (terminal_) fmt::print(stderr, "\r{:60}\r", "");
 }
 
-void RunPrinter::keep(RunResult result) {
+void RunPrinter::store(RunResult result) {
   if (kept_.size() >= max_kept) {
-    const auto held = std::find_if(kept_.begin(), kept_.end(), [](const RunResult& r) { return r.held(); });
-    if (result.held() || held == kept_.end()) return;
+    const auto held = std::find_if(kept_.begin(), kept_.end(), [](const RunResult& r) { return r.all_held(); });
+    if (result.all_held() || held == kept_.end()) return;
     kept_.erase(held);
   }
   kept_.push_back(std::move(result));

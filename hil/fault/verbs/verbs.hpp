@@ -10,7 +10,7 @@
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
 
-// The verbs of `ledgerline fault`, a file each. A new one: its function here, and in main.cpp's row of them.
+// The verbs of `ledgerline fault`. A new one: its function here, and in main.cpp's row of them.
 namespace ledgerline::hil::verbs {
 
 /// Of `run` and `random`.
@@ -52,7 +52,7 @@ class RunPrinter {
 
  private:
   void clear() const;
-  void keep(RunResult result);
+  void store(RunResult result);
 
   std::size_t all_, done_ = 0, broken_ = 0, errors_ = 0;
   double flown_s_ = 0;

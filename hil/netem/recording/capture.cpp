@@ -199,7 +199,7 @@ class Listener {
         if (how_answered(word) == Answered::at_once) asked.push_back({talk.at});
         open.command(talk.at, talk.text, asked.size());
       } else if (talk.from == drone && talk.from_port == command_port) {
-        const auto call = open.take(talk.at, talk.text);
+        const auto call = open.match(talk.at, talk.text);
         if (call && how_answered(call->word) == Answered::at_once) asked[call->tag - 1].answered_ns = talk.at;
       }
     }

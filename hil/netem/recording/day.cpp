@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <fstream>
 #include <iterator>
-#include <map>
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
@@ -94,13 +93,9 @@ Day crowded_day() {
 
 Result<Day> parse_day(const std::string& path, std::string_view content) {
   std::vector<DayMoment> moments;
-  int number = 0;
-  while (!content.empty()) {
-    const std::size_t end = std::min(content.find('\n'), content.size());
-    const std::string_view line = trimmed(content.substr(0, end));
-    content.remove_prefix(std::min(end + 1, content.size()));
-    ++number;
-    if (line.empty() || line.front() == '#') continue;
+  for (const auto& [line_number, line_text] : lines_of(content)) {
+    const int number = line_number;  // no lambda captures a part of a pair
+    const std::string_view line = line_text;
     if (moments.empty() && line == "seconds,delay_s") continue;
     const std::size_t comma = std::min(line.find(','), line.size());
     const std::string_view fate = trimmed(line.substr(std::min(comma + 1, line.size())));
@@ -173,16 +168,6 @@ Result<Day> read_day(const std::string& path) {
   const auto content = read_file(path);
   if (!content) return content.error();
   return parse_day(path, *content);
-}
-
-ReadDay reading_days_once(ReadDay read) {
-  using Known = std::map<std::string, Day>;
-  return [read = std::move(read), known = std::make_shared<Known>()](const std::string& path) -> Result<Day> {
-    if (const auto found = known->find(path); found != known->end()) return found->second;
-    auto day = read(path);
-    if (day) known->emplace(path, *day);
-    return day;
-  };
 }
 
 Result<std::string> table_of_capture(const std::string& path, const RecordingOptions& asked) {

@@ -38,7 +38,7 @@ class RecordedDay {
   Delivery at(TimeNs since_start) const noexcept;
   TimeNs length_ns() const noexcept { return length_ns_; }
   /// Anything is lost in it.
-  bool loses() const noexcept { return loses_; }
+  bool has_losses() const noexcept { return loses_; }
   const std::vector<DayMoment>& moments() const noexcept { return moments_; }
 
  private:
@@ -66,9 +66,6 @@ using ReadDay = std::function<Result<Day>(const std::string& path)>;
 
 /// A table (parse_day()), or a capture with one drone in it, of which the states' day is taken (day_of_states()).
 Result<Day> read_day(const std::string& path);
-
-/// Reads each file once, and gives that again whatever becomes of it; copies know what the others read. One thread.
-ReadDay reading_days_once(ReadDay read = read_day);
 
 /// What of a capture a table is made.
 struct RecordingOptions {

@@ -8,51 +8,49 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr std::pair<std::string_view, Answered> calls[] = {
-    {"rc", Answered::never},
-    {"reboot", Answered::never},
-    {"takeoff", Answered::at_end},
-    {"land", Answered::at_end},
-    {"up", Answered::at_end},
-    {"down", Answered::at_end},
-    {"left", Answered::at_end},
-    {"right", Answered::at_end},
-    {"forward", Answered::at_end},
-    {"back", Answered::at_end},
-    {"cw", Answered::at_end},
-    {"ccw", Answered::at_end},
-    {"flip", Answered::at_end},
-    {"go", Answered::at_end},
-    {"curve", Answered::at_end},
-    {"jump", Answered::at_end},
-    {"command", Answered::at_once},
-    {"emergency", Answered::at_once},
-    {"stop", Answered::at_once},
-    {"keepalive", Answered::at_once},
-    {"speed", Answered::at_once},
-    {"mon", Answered::at_once},
-    {"moff", Answered::at_once},
-    {"mdirection", Answered::at_once},
-    {"streamon", Answered::at_once},
-    {"streamoff", Answered::at_once},
-    {"motoron", Answered::at_once},
-    {"motoroff", Answered::at_once},
-    {"throwfly", Answered::at_once},
-    {"port", Answered::at_once},
-    {"setfps", Answered::at_once},
-    {"setbitrate", Answered::at_once},
-    {"setresolution", Answered::at_once},
-    {"downvision", Answered::at_once},
-    {"ap", Answered::at_once},
-    {"wifi", Answered::at_once},
-    {"multiwifi", Answered::at_once},
-    {"wifisetchannel", Answered::at_once},
-    {"EXT", Answered::at_once},
-};
-
-constexpr auto questions = std::to_array<std::string_view>(
-    {"battery?", "speed?", "time?", "wifi?", "sdk?", "sn?", "height?", "temp?", "attitude?", "baro?", "acceleration?",
-     "tof?", "hardware?", "active?", "wifiversion?", "ssid?", "ap?"});
+constexpr auto unanswered = std::to_array<std::string_view>({"rc", "reboot"});
+constexpr auto moves = std::to_array<std::string_view>(
+    {"takeoff", "land", "up", "down", "left", "right", "forward", "back", "cw", "ccw", "flip", "go", "curve", "jump"});
+constexpr auto answered_at_once = std::to_array<std::string_view>({"command",
+                                                                   "emergency",
+                                                                   "stop",
+                                                                   "keepalive",
+                                                                   "speed",
+                                                                   "mon",
+                                                                   "moff",
+                                                                   "mdirection",
+                                                                   "streamon",
+                                                                   "streamoff",
+                                                                   "motoron",
+                                                                   "motoroff",
+                                                                   "throwfly",
+                                                                   "port",
+                                                                   "setfps",
+                                                                   "setbitrate",
+                                                                   "setresolution",
+                                                                   "downvision",
+                                                                   "ap",
+                                                                   "wifi",
+                                                                   "multiwifi",
+                                                                   "wifisetchannel",
+                                                                   "EXT",
+                                                                   "battery?",
+                                                                   "speed?",
+                                                                   "time?",
+                                                                   "wifi?",
+                                                                   "sdk?",
+                                                                   "sn?",
+                                                                   "height?",
+                                                                   "temp?",
+                                                                   "attitude?",
+                                                                   "baro?",
+                                                                   "acceleration?",
+                                                                   "tof?",
+                                                                   "hardware?",
+                                                                   "active?",
+                                                                   "wifiversion?",
+                                                                   "ssid?",
+                                                                   "ap?"});
 
 }  // namespace
 
@@ -65,9 +63,10 @@ std::string_view call_word(std::string_view command) {
 }
 
 std::optional<Answered> how_answered(std::string_view word) {
-  const auto* call = std::find_if(std::begin(calls), std::end(calls), [&](const auto& c) { return c.first == word; });
-  if (call != std::end(calls)) return call->second;
-  if (std::find(questions.begin(), questions.end(), word) != questions.end()) return Answered::at_once;
+  const auto is_in = [word](const auto& words) { return std::ranges::find(words, word) != words.end(); };
+  if (is_in(unanswered)) return Answered::never;
+  if (is_in(moves)) return Answered::at_end;
+  if (is_in(answered_at_once)) return Answered::at_once;
   return std::nullopt;
 }
 
@@ -94,7 +93,7 @@ bool OpenCalls::command(TimeNs now, std::string_view bytes, std::uint64_t tag) {
   return true;
 }
 
-std::optional<OpenCalls::Call> OpenCalls::take(TimeNs now, std::string_view answer) {
+std::optional<OpenCalls::Call> OpenCalls::match(TimeNs now, std::string_view answer) {
   std::erase_if(calls_, [&](const Call& call) { return now - call.since_ns > answer_lost_ns; });
   const auto quick = std::find_if(calls_.begin(), calls_.end(), [](const Call& call) { return call.at_once; });
   const auto move = std::find_if(calls_.begin(), calls_.end(), [](const Call& call) { return !call.at_once; });

@@ -50,7 +50,7 @@ class OpenCalls {
   /// False where it has no answer (rc), or is nothing at all.
   bool command(TimeNs now, std::string_view bytes, std::uint64_t tag = 0);
   /// Takes off whose answer this is; nothing: nobody asked.
-  std::optional<Call> take(TimeNs now, std::string_view answer);
+  std::optional<Call> match(TimeNs now, std::string_view answer);
 
  private:
   std::deque<Call> calls_;  // oldest first

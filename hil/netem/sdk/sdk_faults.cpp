@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <string_view>
 
 #include "common/base/printable.hpp"
 #include "hil/netem/distribution.hpp"
@@ -65,10 +67,9 @@ Result<SdkFault> parse_sdk_fault(std::string_view text) {
   if (fault.kind == Kind::late && (!time_there || fault.time_ns == 0))
     return wrong(text, "late must be followed by a TIME of more than nothing, such as 300ms");
   if (i < words.size() && words[i].ends_with('%')) {
-    const auto share = parse_number(words[i].substr(0, words[i].size() - 1));
-    if (!share || *share <= 0 || *share > 100)
-      return wrong(text, "a SHARE is more than 0% and at most 100%, such as 30%");
-    fault.share = *share / 100;
+    const auto share = parse_share(words[i]);
+    if (!share || *share <= 0) return wrong(text, "a SHARE is more than 0% and at most 100%, such as 30%");
+    fault.share = *share;
     ++i;
   }
   if (!states && i + 1 < words.size() && words[i] == "to") {
@@ -91,8 +92,6 @@ std::string text_of(const SdkFault& fault) {
 }
 
 namespace {
-
-using Kind = SdkFault::Kind;
 
 /// What no Tello answers; some of it is near to an ok.
 std::string garbage(Random& random) {
@@ -149,14 +148,14 @@ Status SdkFaults::set(std::size_t drone, std::vector<SdkFault> faults) {
   d.faults = std::move(live);
   const bool shifts =
       std::any_of(d.faults.begin(), d.faults.end(), [](const Live& l) { return l.fault.kind == Kind::shifted; });
-  if (d.held && !shifts) keep(0, drone, false, *std::exchange(d.held, std::nullopt));
+  if (d.held && !shifts) add_unit(0, drone, false, *std::exchange(d.held, std::nullopt));
   return done;
 }
 
 void SdkFaults::command(TimeNs now, std::size_t drone, std::string_view bytes) {
   Drone& d = drones_[drone];
   if (d.calls.command(now, bytes.substr(0, max_bytes)) && d.held)
-    keep(now, drone, false, *std::exchange(d.held, std::nullopt));
+    add_unit(now, drone, false, *std::exchange(d.held, std::nullopt));
 }
 
 bool SdkFaults::strikes(Live& live) {
@@ -169,8 +168,8 @@ void SdkFaults::answer(TimeNs now, std::size_t drone, std::string_view bytes) {
   ++counts_.answers;
   Drone& d = drones_[drone];
   std::string said(bytes);
-  if (said.size() > max_bytes) return keep(now, drone, false, std::move(said));
-  const auto call = d.calls.take(now, said);
+  if (said.size() > max_bytes) return add_unit(now, drone, false, std::move(said));
+  const auto call = d.calls.match(now, said);
   const std::string before = std::exchange(d.last_answer, said);
   bool missing = false, shifted = false;
   TimeNs due = now;
@@ -190,12 +189,12 @@ void SdkFaults::answer(TimeNs now, std::size_t drone, std::string_view bytes) {
   }
   if (missing) return;
   if (shifted) {
-    if (d.held) keep(now, drone, false, std::move(*d.held));
+    if (d.held) add_unit(now, drone, false, std::move(*d.held));
     d.held = std::move(said);
     return;
   }
-  for (const TimeNs after : again) keep(due + after, drone, false, said);
-  keep(due, drone, false, std::move(said));
+  for (const TimeNs after : again) add_unit(due + after, drone, false, said);
+  add_unit(due, drone, false, std::move(said));
 }
 
 const std::string* SdkFaults::text_of_another(std::size_t drone, Random& random) const {
@@ -210,7 +209,7 @@ void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
   ++counts_.states;
   Drone& d = drones_[drone];
   const std::string reported(bytes);
-  if (reported.size() > max_bytes) return keep(now, drone, true, reported);
+  if (reported.size() > max_bytes) return add_unit(now, drone, true, reported);
   std::string said = reported;
   for (Live& live : d.faults) {  // which text
     if (live.fault.kind == Kind::stale && !d.texts.empty() && strikes(live))
@@ -224,7 +223,7 @@ void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
   }
   d.texts.push_back(reported);
   if (d.texts.size() > max_texts) d.texts.pop_front();
-  keep(now, drone, true, std::move(said));
+  add_unit(now, drone, true, std::move(said));
 }
 
 std::optional<SdkFaults::Unit> SdkFaults::pop(TimeNs now) {
@@ -239,13 +238,128 @@ std::optional<TimeNs> SdkFaults::next_due() const {
   return units_.begin()->first.first;
 }
 
-void SdkFaults::keep(TimeNs due, std::size_t drone, bool is_state, std::string bytes) {
+void SdkFaults::add_unit(TimeNs due, std::size_t drone, bool is_state, std::string bytes) {
   if (drones_[drone].waiting >= max_waiting) {
     ++counts_.no_room;
     return;
   }
   ++drones_[drone].waiting;
   units_.emplace(std::pair(due, next_number_++), Unit{drone, is_state, std::move(bytes)});
+}
+
+namespace {
+
+constexpr std::array<std::string_view, 16> fields{"pitch", "roll", "yaw", "vgx",  "vgy",  "vgz", "templ", "temph",
+                                                  "tof",   "h",    "bat", "baro", "time", "agx", "agy",   "agz"};
+constexpr std::array<std::string_view, 8> nonsense{"",      "nan",  "-",   "99999999999999999999",
+                                                   "1e300", "0x10", "12;", "\xff\x00"};
+
+// Where the value of a field is; npos: it is not there.
+std::pair<std::size_t, std::size_t> place_of(const std::string& text, const std::string& field) {
+  const std::string begin = field + ":";
+  std::size_t at = text.find(begin);
+  while (at != std::string::npos && at > 0 && text[at - 1] != ';') at = text.find(begin, at + 1);
+  if (at == std::string::npos) return {at, 0};
+  at += begin.size();
+  return {at, std::min(text.find(';', at), text.size()) - at};
+}
+
+bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text) {
+  if (fault.kind == SensorFault::Kind::every) {
+    if (now < fault.next_ns) return false;
+    fault.next_ns = now + fault.period_ns;
+    return true;
+  }
+  const auto [at, size] =
+      fault.field.empty() ? std::pair<std::size_t, std::size_t>(0, text.size()) : place_of(text, fault.field);
+  if (at == std::string::npos) return true;
+  const std::string said = text.substr(at, size);
+  std::string wrong = said;
+  if (fault.kind == SensorFault::Kind::stuck && fault.last.empty()) fault.last = said;
+  if (fault.share < 1 && random.uniform() >= fault.share) return true;
+  switch (fault.kind) {
+    case SensorFault::Kind::stuck:
+      wrong = fault.last;
+      break;
+    case SensorFault::Kind::garbage:
+      if (fault.field.empty()) {
+        for (char& c : wrong) {
+          if (random.next() % 8 == 0) c = static_cast<char>(random.next());
+        }
+      } else {
+        wrong = nonsense[random.next() % nonsense.size()];
+      }
+      break;
+    case SensorFault::Kind::bias:
+      if (const auto value = parse_number(said)) wrong = fmt::format("{}", std::lround(*value + fault.bias));
+      break;
+    case SensorFault::Kind::says:
+      wrong = fmt::format("{}", std::lround(fault.bias));
+      break;
+    case SensorFault::Kind::every:
+      break;
+  }
+  text.replace(at, size, wrong);
+  return true;
+}
+
+}  // namespace
+
+Result<SensorFault> parse_sensor(std::string_view text) {
+  const Error wrong{fmt::format(
+      "\"{}\": must be `FIELD|all stuck|garbage`, `FIELD bias|says NUMBER` or `all every 2s`, the first three "
+      "with a share of the texts (`30%`) behind them; fields are those of the Tello's state text: h, tof, "
+      "bat, yaw, vgx ...",
+      printable(text, 100))};
+  auto words = words_of(text);
+  SensorFault fault;
+  if (words.size() > 2 && words[1] != "every" && words.back().ends_with('%')) {
+    const auto share = parse_share(words.back());
+    if (!share || *share <= 0) return wrong;
+    fault.share = *share;
+    words.pop_back();
+  }
+  if (words.size() < 2 || words.size() > 3) return wrong;
+  const bool all = words[0] == "all";
+  if (!all) fault.field = words[0];
+  if (!all && std::find(fields.begin(), fields.end(), words[0]) == fields.end()) return wrong;
+  const std::string_view what = words[1];
+  if (words.size() == 2 && (what == "stuck" || what == "garbage")) {
+    fault.kind = what == "stuck" ? SensorFault::Kind::stuck : SensorFault::Kind::garbage;
+    return fault;
+  }
+  if (words.size() == 3 && (what == "bias" || what == "says") && !all) {
+    const auto bias = parse_number(words[2]);
+    if (!bias || std::abs(*bias) > 1e6) return wrong;
+    fault.kind = what == "bias" ? SensorFault::Kind::bias : SensorFault::Kind::says;
+    fault.bias = *bias;
+    return fault;
+  }
+  if (words.size() == 3 && what == "every" && all) {
+    const auto period = parse_time(words[2]);
+    if (!period) return period.error();
+    if (*period <= 0) return Error{"every must be followed by more than 0 s"};
+    fault.kind = SensorFault::Kind::every;
+    fault.period_ns = *period;
+    return fault;
+  }
+  return wrong;
+}
+
+void renew(std::vector<SensorFault>& known, std::vector<SensorFault> faults) {
+  for (SensorFault& fault : faults) {
+    const auto before =
+        std::find_if(known.begin(), known.end(), [&](const SensorFault& k) { return k.item == fault.item; });
+    if (before == known.end()) continue;
+    fault.last = before->last;
+    fault.next_ns = before->next_ns;
+  }
+  known = std::move(faults);
+}
+
+bool misreport(TimeNs now, std::vector<SensorFault>& faults, Random& random, std::string& text) {
+  return std::all_of(faults.begin(), faults.end(),
+                     [&](SensorFault& fault) { return misreport(now, fault, random, text); });
 }
 
 }  // namespace ledgerline::hil

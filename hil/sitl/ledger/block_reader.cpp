@@ -59,17 +59,17 @@ Status BlockReader::read(TimeNs now) {
     if (intake_->confirms_next()) {
       if (const auto confirmed = intake_->confirm(*message); !confirmed) {
         refuse(*message);
-        return leave_peer(confirmed.error().message);
+        return disconnect_peer(confirmed.error().message);
       }
     } else {
       auto block = intake_->add(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
       if (!block) {
         refuse(*message);
-        return leave_peer(block.error().message);
+        return disconnect_peer(block.error().message);
       }
-      keep(std::move(*block));
+      add_verified(std::move(*block));
     }
-    (void)take_ordered(now);
+    (void)pop_ordered(now);
   }
   return done;
 }
@@ -81,12 +81,12 @@ Status BlockReader::find_place(TimeNs now) {
   if (!newest) return done;
   const auto on = intake_->continue_chain({*checkpoint_, max_absence_blocks}, *newest,
                                           [this](std::uint64_t number) { return peer_.fetch(number); });
-  if (!on) return leave_peer(on.error().message);
+  if (!on) return disconnect_peer(on.error().message);
   checkpoint_.reset();
   return done;
 }
 
-Status BlockReader::leave_peer(std::string why) {
+Status BlockReader::disconnect_peer(std::string why) {
   contradictions_.push_back(why);
   return Error{std::move(why)};
 }
@@ -101,14 +101,14 @@ void BlockReader::read_behind_contradiction(TimeNs now) {
     for (; const auto message = from.serve(now, next); ++next, ++sent) refuse(*message);
   };
   read(peer_, next_refused_);
-  if (takes_ordered()) read(orderer_, next_ordered_refused_);
+  if (reads_ordered()) read(orderer_, next_ordered_refused_);
   if (sent == 0 || now < next_contradiction_ns_) return;
   next_contradiction_ns_ = now + ns_per_s;
   contradictions_.push_back(*intake_->contradiction());
 }
 
 void BlockReader::read_ordered(TimeNs now) {
-  if (!takes_ordered()) return;
+  if (!reads_ordered()) return;
   if (!orderer_connected_ && (now < orderer_at_ns_ || !intake_->begin_ordered())) return;
   orderer_connected_ = true;
   while (orderer_connected_) {
@@ -116,26 +116,26 @@ void BlockReader::read_ordered(TimeNs now) {
     if (!message) return;
     if (const Status added = intake_->add_ordered(*message); !added) {
       refuse(*message);
-      return leave_orderer(now, added.error().message);
+      return disconnect_orderer(now, added.error().message);
     }
-    if (!take_ordered(now)) return;
+    if (!pop_ordered(now)) return;
   }
 }
 
 /// False: what the orderer has delivered is refused.
-bool BlockReader::take_ordered(TimeNs now) {
+bool BlockReader::pop_ordered(TimeNs now) {
   while (true) {
     auto ordered = intake_->pop_ordered();
     if (!ordered) {
-      leave_orderer(now, ordered.error().message);
+      disconnect_orderer(now, ordered.error().message);
       return false;
     }
     if (!*ordered) return true;
-    keep(std::move((*ordered)->block));
+    add_verified(std::move((*ordered)->block));
   }
 }
 
-void BlockReader::leave_orderer(TimeNs now, std::string why) {
+void BlockReader::disconnect_orderer(TimeNs now, std::string why) {
   contradictions_.push_back(std::move(why));
   orderer_connected_ = false;
   orderer_at_ns_ = now + reconnect_ns;
@@ -145,7 +145,7 @@ void BlockReader::refuse(const common::Block& message) {
   if (auto block = fabric::decode_block(message)) refused_.push_back(std::move(*block));
 }
 
-void BlockReader::keep(fabric::Block block) {
+void BlockReader::add_verified(fabric::Block block) {
   newest_verified_ = {ledger_.where().channel,
                       block.number,
                       fabric::block_header_hash(block.number, block.previous_hash, block.data_hash),

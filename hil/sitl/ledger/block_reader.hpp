@@ -7,8 +7,8 @@
 
 #include "common/base/result.hpp"
 #include "common/fabric/blocks/block_intake.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 #include "hil/sitl/ledger/simulated_ledger.hpp"
-#include "hil/sitl/peer/serving_peer.hpp"
 
 namespace ledgerline::hil {
 
@@ -25,11 +25,11 @@ class BlockReader {
   BlockReader(const SimulatedLedger& ledger, std::uint64_t seed);
 
   /// Of a process that begins from now on.
-  void take_blocks_of(fabric::BlockSource source) { source_ = source; }
-  bool takes_ordered() const { return source_ != fabric::BlockSource::peer; }
+  void set_block_source(fabric::BlockSource source) { source_ = source; }
+  bool reads_ordered() const { return source_ != fabric::BlockSource::peer; }
   /// What each of them serves in place of the ledger's blocks; the orderer has an orderer's key.
-  void serve(PeerTampering tampering) { peer_.lie(tampering); }
-  void order(PeerTampering tampering) { orderer_.lie(tampering); }
+  void serve(PeerTampering tampering) { peer_.set_tampering(tampering); }
+  void order(PeerTampering tampering) { orderer_.set_tampering(tampering); }
 
   /// A block of the ledger has come to the peer, or to the orderer.
   void add(TimeNs now, BlockPtr block) { peer_.add(now, std::move(block)); }
@@ -47,23 +47,23 @@ class BlockReader {
   /// Everything that is served now. The error says why the peer is to be left; it is in the contradictions.
   Status read(TimeNs now);
 
-  std::vector<fabric::Block> take_verified() { return std::exchange(verified_, {}); }
+  std::vector<fabric::Block> pop_verified() { return std::exchange(verified_, {}); }
   /// That were refused: of either stream, by nobody's flag.
-  std::vector<fabric::Block> take_refused() { return std::exchange(refused_, {}); }
+  std::vector<fabric::Block> pop_refused() { return std::exchange(refused_, {}); }
   /// Why a peer or orderer was left since the last call, in words.
-  std::vector<std::string> take_contradictions() { return std::exchange(contradictions_, {}); }
+  std::vector<std::string> pop_contradictions() { return std::exchange(contradictions_, {}); }
   /// The newest block that was verified; none: none was yet.
   const std::optional<fabric::Checkpoint>& checkpoint() const { return newest_verified_; }
 
  private:
   Status find_place(TimeNs now);
-  Status leave_peer(std::string why);
+  Status disconnect_peer(std::string why);
   void read_behind_contradiction(TimeNs now);
   void read_ordered(TimeNs now);
-  bool take_ordered(TimeNs now);
-  void leave_orderer(TimeNs now, std::string why);
+  bool pop_ordered(TimeNs now);
+  void disconnect_orderer(TimeNs now, std::string why);
   void refuse(const common::Block& message);
-  void keep(fabric::Block block);
+  void add_verified(fabric::Block block);
 
   const SimulatedLedger& ledger_;
   fabric::BlockSource source_ = fabric::BlockSource::peer;

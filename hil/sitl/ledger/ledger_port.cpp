@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "common/base/enum_count.hpp"
 #include "common/msg/contract.hpp"
-#include "hil/netem/text_parse.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -13,25 +11,6 @@ namespace {
 
 constexpr std::size_t stale_blocks = 5;
 constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
-
-constexpr WordTable<Tampering, 11> all_lies{{{"chain", Tampering::chain},
-                                             {"hash", Tampering::hash},
-                                             {"number", Tampering::number},
-                                             {"signature", Tampering::signature},
-                                             {"endorsement", Tampering::endorsement},
-                                             {"outsider", Tampering::outsider},
-                                             {"member", Tampering::member},
-                                             {"channel", Tampering::channel},
-                                             {"contract", Tampering::contract},
-                                             {"flag", Tampering::flag},
-                                             {"stops", Tampering::stops}}};
-static_assert(all_lies.size() + 1 == enum_count<Tampering>);  // none has no word
-constexpr WordTable<Slip, 5> all_slips{{{"boot", Slip::boot},
-                                        {"stamp", Slip::stamp},
-                                        {"speed", Slip::speed},
-                                        {"late", Slip::late},
-                                        {"twice", Slip::twice}}};
-static_assert(all_slips.size() + 1 == enum_count<Slip>);
 
 std::vector<fabric::Endorsement> endorsed_by(const fabric::Transaction& tx, const crypto::IdentityName& name) {
   const auto who = crypto::make_test_identity(name);
@@ -91,11 +70,6 @@ void let_slip(fabric::Call& call, Slip slip) {
 
 }  // namespace
 
-std::optional<Tampering> lie_from(std::string_view word) { return value_of(all_lies, word); }
-std::string lies() { return list_of(names_of(all_lies)); }
-std::optional<Slip> slip_from(std::string_view word) { return value_of(all_slips, word); }
-std::string slips() { return list_of(names_of(all_slips)); }
-
 std::uint64_t LedgerCalls::add(TimeNs now, std::uint64_t id) {
   open_[next_] = {id, now + timeout_ns_};
   return next_++;
@@ -145,8 +119,8 @@ void BlockDelivery::step(TimeNs now) {
   delivered_.insert(delivered_.end(), newest_.begin(), newest_.end());
 }
 
-LedgerPort::LedgerPort(SimulatedLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed, WayDelay::Way way,
-                       double share, TimeNs timeout_ns)
+LedgerPort::LedgerPort(SimulatedLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed,
+                       OneWayDelay::Direction way, double share, TimeNs timeout_ns)
     : ledger_(ledger),
       client_(ledger.add_client(name, way, share)),
       calls_(timeout_ns),
@@ -204,8 +178,8 @@ void LedgerPort::begin(std::optional<fabric::Checkpoint> from) {
   // What the ledger has by now the peer has, too.
   for (auto& [due, block] : std::exchange(blocks_, {})) reader_.add(0, std::move(block));
   for (auto& [due, block] : std::exchange(ordered_, {})) reader_.add_ordered(0, std::move(block));
-  for (auto& block : ledger_.take_blocks(std::numeric_limits<TimeNs>::max(), client_)) {
-    if (reader_.takes_ordered()) reader_.add_ordered(0, block);
+  for (auto& block : ledger_.pop_blocks(std::numeric_limits<TimeNs>::max(), client_)) {
+    if (reader_.reads_ordered()) reader_.add_ordered(0, block);
     reader_.add(0, std::move(block));
   }
   reader_.begin(std::move(from));
@@ -221,20 +195,20 @@ void LedgerPort::step(TimeNs now) {
     ledger_.submit(now, client_, requests_.front().number, requests_.front().call);
     requests_.pop_front();
   }
-  take_from_ledger(now, connected);
+  receive_from_ledger(now, connected);
   if (connected && !from_.stalled) deliver(now);
   calls_.fail("no answer in time", now);
 }
 
-void LedgerPort::take_from_ledger(TimeNs now, bool connected) {
-  for (auto& ended : ledger_.take_outcomes(now, client_)) {
+void LedgerPort::receive_from_ledger(TimeNs now, bool connected) {
+  for (auto& ended : ledger_.pop_outcomes(now, client_)) {
     // An answer to a broken connection is lost; the call ended with it.
     if (connected) outcomes_.emplace_back(from_.arrival_ns(now), std::move(ended));
   }
-  for (auto& block : ledger_.take_blocks(now, client_)) {
+  for (auto& block : ledger_.pop_blocks(now, client_)) {
     const TimeNs due_ns = from_.arrival_ns(now);
     TimeNs lag_ns = 0;
-    if (reader_.takes_ordered()) {
+    if (reader_.reads_ordered()) {
       ordered_.emplace_back(due_ns, block);
       lag_ns = static_cast<TimeNs>(peer_lags_.next() % static_cast<std::uint64_t>(max_peer_lag_ns));
     }
@@ -252,7 +226,7 @@ void LedgerPort::deliver(TimeNs now) {
     for (; !blocks_.empty() && blocks_.front().first <= now; blocks_.pop_front())
       reader_.add(now, std::move(blocks_.front().second));
     const Status read = reader_.read(now);
-    for (fabric::Block& block : reader_.take_verified()) delivery_.add(std::move(block));
+    for (fabric::Block& block : reader_.pop_verified()) delivery_.add(std::move(block));
     if (!read) {
       connection_ = false;
       connect_at_ns_ = now + reconnect_ns;

@@ -32,8 +32,6 @@ enum class Tampering : std::uint8_t {
   flag,         ///< flagged invalid
   stops,        ///< stops alone flagged invalid
 };
-std::optional<Tampering> lie_from(std::string_view word);
-std::string lies();  ///< all of them, for errors
 
 /// What is wrong with the operator's own commands, signed all the same.
 enum class Slip : std::uint8_t {
@@ -44,8 +42,6 @@ enum class Slip : std::uint8_t {
   late,   ///< setpoints for a moment behind the horizon
   twice,  ///< each is submitted twice
 };
-std::optional<Slip> slip_from(std::string_view word);
-std::string slips();
 
 /// The calls of one process that have not ended. Each ends once.
 class LedgerCalls {
@@ -61,7 +57,7 @@ class LedgerCalls {
   void fail(const std::string& why, TimeNs now);
   void forget();
 
-  std::vector<SimulatedLedger::Ended> take_ended() { return std::exchange(ended_, {}); }
+  std::vector<SimulatedLedger::Ended> pop_ended() { return std::exchange(ended_, {}); }
   std::size_t size() const { return open_.size(); }
   const std::vector<std::string>& committed() const { return committed_; }
 
@@ -80,14 +76,14 @@ class LedgerCalls {
 /// The verified blocks on their last way to a process, with what may be wrong with them there.
 class BlockDelivery {
  public:
-  void lie(Tampering tampering) { tampering_ = tampering; }
+  void set_tampering(Tampering tampering) { tampering_ = tampering; }
   /// Shows the newest blocks repeatedly; none may be added meanwhile.
   void stale(bool stale) { stale_ = stale; }
   bool stale() const { return stale_; }
 
   void add(fabric::Block block);
   void step(TimeNs now);
-  std::vector<fabric::Block> take() { return std::exchange(delivered_, {}); }
+  std::vector<fabric::Block> pop() { return std::exchange(delivered_, {}); }
   void forget() { delivered_.clear(); }
 
  private:
@@ -109,16 +105,17 @@ class LedgerPort {
 
   /// `way` and `share`: of the ledger's added delay (SimulatedLedger::add_client()).
   LedgerPort(SimulatedLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed,
-             WayDelay::Way way = WayDelay::Way::there, double share = 0.5, TimeNs timeout_ns = deadline_ns);
+             OneWayDelay::Direction way = OneWayDelay::Direction::there, double share = 0.5,
+             TimeNs timeout_ns = deadline_ns);
 
   void submit(TimeNs now, std::uint64_t id, fabric::Call call);
   /// Moves what is due, both ways. After the ledger's own step.
   void step(TimeNs now);
-  std::vector<fabric::Block> take_blocks() { return delivery_.take(); }
-  std::vector<fabric::Block> take_refused() { return reader_.take_refused(); }
-  std::vector<SimulatedLedger::Ended> take_outcomes() { return calls_.take_ended(); }
+  std::vector<fabric::Block> pop_blocks() { return delivery_.pop(); }
+  std::vector<fabric::Block> pop_refused() { return reader_.pop_refused(); }
+  std::vector<SimulatedLedger::Ended> pop_outcomes() { return calls_.pop_ended(); }
   /// Whether the block stream has come or gone since the last call.
-  std::optional<bool> take_connection() { return std::exchange(connection_, std::nullopt); }
+  std::optional<bool> pop_connection_change() { return std::exchange(connection_, std::nullopt); }
   Result<std::string> evaluate(TimeNs now, const fabric::Call& call) { return ledger_.evaluate(now, client_, call); }
   bool reachable() const { return !cut_ && !to_.stalled && !from_.stalled; }
 
@@ -128,10 +125,10 @@ class LedgerPort {
   void begin(std::optional<fabric::Checkpoint> from = std::nullopt);
   /// Whose blocks a process takes that begins from now on. With an orderer's stream the peer is behind it by up to
   /// max_peer_lag_ns.
-  void take_blocks_of(fabric::BlockSource source) { reader_.take_blocks_of(source); }
+  void set_block_source(fabric::BlockSource source) { reader_.set_block_source(source); }
   static constexpr TimeNs max_peer_lag_ns = 6 * ns_per_ms;
   const std::optional<fabric::Checkpoint>& checkpoint() const { return reader_.checkpoint(); }
-  std::vector<std::string> take_contradictions() { return reader_.take_contradictions(); }
+  std::vector<std::string> pop_contradictions() { return reader_.pop_contradictions(); }
 
   // Faults.
   void delay_to(std::optional<Distribution> delay) { to_.delay = std::move(delay); }
@@ -150,7 +147,7 @@ class LedgerPort {
   }
   /// The peer shows its last blocks over and over, and no new one.
   void stale(bool stale) { delivery_.stale(stale); }
-  void lie(Tampering lie) { delivery_.lie(lie); }
+  void set_tampering(Tampering lie) { delivery_.set_tampering(lie); }
   /// What the peer serves in place of the ledger's blocks.
   void serve(PeerTampering lie) { reader_.serve(lie); }
   /// What an orderer does, which has an orderer's key.
@@ -179,7 +176,7 @@ class LedgerPort {
     fabric::Call call;
   };
   void send(TimeNs now, std::uint64_t number, fabric::Call call);
-  void take_from_ledger(TimeNs now, bool connected);
+  void receive_from_ledger(TimeNs now, bool connected);
   void deliver(TimeNs now);
 
   SimulatedLedger& ledger_;

@@ -9,55 +9,11 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "hil/netem/text_parse.hpp"
-#include "hil/sitl/peer/serving_peer.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 #include "peer/chaincode_event.pb.h"
 
 namespace ledgerline::hil {
 namespace {
-
-constexpr WordTable<RelayTampering, 40> all_lies{{
-    {"plan-speed", RelayTampering::plan_speed},
-    {"plan-climb", RelayTampering::plan_climb},
-    {"plan-turn", RelayTampering::plan_turn},
-    {"plan-takeoff", RelayTampering::plan_takeoff},
-    {"plan-land", RelayTampering::plan_land},
-    {"plan-fly", RelayTampering::plan_fly},
-    {"plan-times", RelayTampering::plan_times},
-    {"plan-longer", RelayTampering::plan_longer},
-    {"plan-drone", RelayTampering::plan_drone},
-    {"plan-boot", RelayTampering::plan_boot},
-    {"plan-stamp", RelayTampering::plan_stamp},
-    {"plan-sequence", RelayTampering::plan_sequence},
-    {"plan-epoch", RelayTampering::plan_epoch},
-    {"plan-added", RelayTampering::plan_added},
-    {"plan-left-out", RelayTampering::plan_left_out},
-    {"plan-form", RelayTampering::plan_form},
-    {"plan-replayed", RelayTampering::plan_replayed},
-    {"command-acquire", RelayTampering::command_acquire},
-    {"command-release", RelayTampering::command_release},
-    {"command-clear-stop", RelayTampering::command_clear_stop},
-    {"command-enroll", RelayTampering::command_enroll},
-    {"command-apply-stops", RelayTampering::command_apply_stops},
-    {"command-cut", RelayTampering::command_cut},
-    {"command-silent", RelayTampering::command_silent},
-    {"command-other", RelayTampering::command_other},
-    {"frame-cut", RelayTampering::frame_cut},
-    {"frame-acquire", RelayTampering::frame_acquire},
-    {"frame-release", RelayTampering::frame_release},
-    {"frame-clear-stop", RelayTampering::frame_clear_stop},
-    {"frame-enroll", RelayTampering::frame_enroll},
-    {"frame-back", RelayTampering::frame_back},
-    {"frame-flies", RelayTampering::frame_flies},
-    {"frame-pose", RelayTampering::frame_pose},
-    {"frame-replayed", RelayTampering::frame_replayed},
-    {"stop-cut", RelayTampering::stop_cut},
-    {"stop-other", RelayTampering::stop_other},
-    {"apply-stops-clears", RelayTampering::apply_stops_clears},
-    {"apply-stops-back", RelayTampering::apply_stops_back},
-    {"asked-plan", RelayTampering::asked_plan},
-    {"asked-function", RelayTampering::asked_function},
-}};
 
 const crypto::IdentityName rival{"Org3MSP", "CN=User1@org3.ledgerline"};
 
@@ -74,6 +30,19 @@ std::string bytes_of(const Control& record) {
   *controls.add_controls() = record;
   *controls.mutable_identity() = record.owner();
   return controls.SerializeAsString();
+}
+
+/// The record as of another holder, and of that lease; nobody's where there is no name.
+std::string held_by(Control record, const std::optional<crypto::IdentityName>& name, std::uint64_t epoch) {
+  record.clear_holder();
+  if (name) *record.mutable_holder() = to_message(*name);
+  record.set_epoch(epoch);
+  return bytes_of(record);
+}
+
+std::string owned_by(Control record, const crypto::IdentityName& name) {
+  *record.mutable_owner() = to_message(name);
+  return bytes_of(record);
 }
 
 std::string cut_of(const std::string& drone, const crypto::IdentityName& stopper) {
@@ -148,12 +117,6 @@ void bend_plan(DronePlan& plan, RelayTampering lie) {
 
 }  // namespace
 
-std::optional<RelayTampering> relay_lie_from(std::string_view word) { return value_of(all_lies, word); }
-
-std::vector<std::string> relay_lie_names() { return names_of(all_lies); }
-
-std::string relay_lies() { return list_of(relay_lie_names()); }
-
 // As the launcher left it.
 Control Relay::record_of(const std::string& drone) const {
   Control record;
@@ -174,7 +137,7 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
   auto call = parsed<CommandCall>(payload);
   if (call.plans().empty()) return std::nullopt;
   const std::string drone = call.plans(0).drone();
-  Control record = record_of(drone);
+  const Control record = record_of(drone);
   switch (lie_) {
     case RelayTampering::plan_added: {
       DronePlan more = call.plans(0);
@@ -193,21 +156,15 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
       return Event{contract::command, earlier.SerializeAsString()};
     }
     case RelayTampering::command_acquire:
-      *record.mutable_holder() = to_message(rival);
-      record.set_epoch(2);
-      return Event{contract::acquire, bytes_of(record)};
+      return Event{contract::acquire, held_by(record, rival, 2)};
     case RelayTampering::command_release:
-      record.clear_holder();
-      record.set_epoch(2);
-      return Event{contract::release, bytes_of(record)};
+      return Event{contract::release, held_by(record, std::nullopt, 2)};
     case RelayTampering::command_clear_stop:
       return Event{contract::clear_stop, bytes_of(record)};
     case RelayTampering::command_enroll:
-      *record.mutable_owner() = to_message(rival);
-      return Event{contract::enroll, bytes_of(record)};
+      return Event{contract::enroll, owned_by(record, rival)};
     case RelayTampering::command_apply_stops:
-      record.set_epoch(9);
-      return Event{contract::apply_stops, bytes_of(record)};
+      return Event{contract::apply_stops, held_by(record, names_.holder, 9)};
     case RelayTampering::command_cut:
       return Event{contract::stop, cut_of(drone, names_.holder)};
     case RelayTampering::command_silent:
@@ -228,10 +185,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
     if (!state) continue;
     const std::string drone = asset.id().substr(0, asset.id().find('/'));
     if (host_sequence_++ == 0) {
-      Control record = record_of(drone);
-      *record.mutable_holder() = to_message(names_.drone_host);
-      record.set_epoch(2);
-      return Event{contract::acquire, bytes_of(record)};
+      return Event{contract::acquire, held_by(record_of(drone), names_.drone_host, 2)};
     }
     CommandCall call;
     call.set_organisation("Org1MSP");
@@ -251,27 +205,20 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
   auto frame = parsed<SetCall>(payload);
   if (!frame.stream() || frame.assets().empty()) return std::nullopt;
   const std::string drone = frame.assets(0).id().substr(0, frame.assets(0).id().find('/'));
-  Control record = record_of(drone);
+  const Control record = record_of(drone);
   switch (lie_) {
     case RelayTampering::frame_cut:
       return Event{contract::stop, cut_of(drone, names_.drone_host)};
     case RelayTampering::frame_acquire:
-      *record.mutable_holder() = to_message(rival);
-      record.set_epoch(2);
-      return Event{contract::acquire, bytes_of(record)};
+      return Event{contract::acquire, held_by(record, rival, 2)};
     case RelayTampering::frame_release:
-      record.clear_holder();
-      record.set_epoch(2);
-      return Event{contract::release, bytes_of(record)};
+      return Event{contract::release, held_by(record, std::nullopt, 2)};
     case RelayTampering::frame_clear_stop:
       return Event{contract::clear_stop, bytes_of(record)};
     case RelayTampering::frame_enroll:
-      *record.mutable_owner() = to_message(rival);
-      return Event{contract::enroll, bytes_of(record)};
+      return Event{contract::enroll, owned_by(record, rival)};
     case RelayTampering::frame_back:
-      *record.mutable_holder() = to_message(rival);
-      record.set_epoch(0);
-      return Event{contract::acquire, bytes_of(record)};
+      return Event{contract::acquire, held_by(record, rival, 0)};
     case RelayTampering::frame_flies:
       return host_flies(frame);
     case RelayTampering::frame_replayed:
@@ -347,14 +294,9 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
   }
   opened->result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
   opened->seal_result();
-  const crypto::SigningIdentity& peer = names_.peer;
-  auto& endorsed = *opened->action.mutable_action();
-  endorsed.clear_endorsements();
-  protos::Endorsement& endorsement = *endorsed.add_endorsements();
-  endorsement.set_endorser(peer.serialized);
-  const auto signature = peer.signer->sign(endorsed.proposal_response_payload() + peer.serialized);
-  if (signature) endorsement.set_signature(*signature);
-  return opened->bytes();
+  std::string envelope = opened->bytes();
+  endorse_by(envelope, &names_.peer);
+  return envelope;
 }
 
 }  // namespace ledgerline::hil

@@ -61,9 +61,6 @@ enum class RelayTampering : std::uint8_t {
   asked_plan,      ///< another plan
   asked_function,  ///< another function
 };
-std::optional<RelayTampering> relay_lie_from(std::string_view word);
-std::vector<std::string> relay_lie_names();
-std::string relay_lies();  ///< all of them, for errors
 
 /// Bends what a peer answers to its callers. The ledger itself stays as the contract left it. One thread;
 /// deterministic.
@@ -76,7 +73,7 @@ class Relay {
   };
   explicit Relay(Names names) : names_(std::move(names)) {}
 
-  void lie(RelayTampering lie) { lie_ = lie; }
+  void set_tampering(RelayTampering lie) { lie_ = lie; }
   /// Whether clients compare events with what they asked for before they sign, as real ones do; otherwise they sign
   /// whatever is of their call.
   void compared(bool compared) { compared_ = compared; }

@@ -60,19 +60,19 @@ Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording
   return AddedDelay{.own = Distribution::constant(from_seconds(seconds))};
 }
 
-TimeNs WayDelay::draw() {
+TimeNs OneWayDelay::draw() {
   if (delay_.published) return from_seconds(delay_.published->quantile(random_.uniform()));
   return delay_.own ? draws_of_own_.next(*delay_.own) : 0;
 }
 
-TimeNs WayDelay::at(TimeNs now) {
+TimeNs OneWayDelay::at(TimeNs now) {
   const auto period = static_cast<std::uint64_t>(now / draw_period_ns);
   while (drawn_ <= period) draws_[drawn_++ % kept] = draw();
   const auto part = [&](std::uint64_t k, double share) {
     return std::llround(static_cast<double>(draws_[k % kept]) * share);
   };
   std::uint64_t chosen = period;
-  if (way_ == Way::back) {
+  if (direction_ == Direction::back) {
     const std::uint64_t oldest = period - std::min(period, kept - 1);
     const auto begin = [](std::uint64_t k) { return static_cast<TimeNs>(k) * draw_period_ns; };
     while (chosen > oldest && begin(chosen) + part(chosen, 1 - share_) > now) --chosen;
@@ -130,8 +130,9 @@ std::vector<std::string> SimulatedLedger::blocks() const {
   return blocks;
 }
 
-SimulatedLedger::Client SimulatedLedger::add_client(const crypto::IdentityName& name, WayDelay::Way way, double share) {
-  members_.push_back({crypto::make_test_identity(name), WayDelay(delays_.added, way, share, added_seed_), {}, {}});
+SimulatedLedger::Client SimulatedLedger::add_client(const crypto::IdentityName& name, OneWayDelay::Direction way,
+                                                    double share) {
+  members_.push_back({crypto::make_test_identity(name), OneWayDelay(delays_.added, way, share, added_seed_), {}, {}});
   return members_.size() - 1;
 }
 
@@ -290,7 +291,7 @@ SimulatedLedger::BlockPtr SimulatedLedger::block(std::uint64_t number) const {
   return message;
 }
 
-std::vector<SimulatedLedger::BlockPtr> SimulatedLedger::take_blocks(TimeNs now, Client client) {
+std::vector<SimulatedLedger::BlockPtr> SimulatedLedger::pop_blocks(TimeNs now, Client client) {
   std::vector<BlockPtr> arrived;
   auto& queue = members_[client].blocks;
   for (; !queue.empty() && queue.front().first <= now; queue.pop_front())
@@ -298,7 +299,7 @@ std::vector<SimulatedLedger::BlockPtr> SimulatedLedger::take_blocks(TimeNs now, 
   return arrived;
 }
 
-std::vector<SimulatedLedger::Ended> SimulatedLedger::take_outcomes(TimeNs now, Client client) {
+std::vector<SimulatedLedger::Ended> SimulatedLedger::pop_outcomes(TimeNs now, Client client) {
   std::vector<Ended> arrived;
   auto& queue = members_[client].outcomes;
   const auto later_ones =

@@ -56,11 +56,11 @@ Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording
 /// is sent meanwhile stays together; a recording is played in its order, from a place that the seed chooses. The way
 /// back has what the newest that came there had: with the same seed, both ways of a state and its command together are
 /// one draw of the whole delay. Deterministic for a seed; one thread.
-class WayDelay {
+class OneWayDelay {
  public:
-  enum class Way { there, back };
-  WayDelay(const AddedDelay& delay, Way way, double share, std::uint64_t seed)
-      : delay_(delay), way_(way), share_(share), random_(seed), draws_of_own_(seed) {}
+  enum class Direction { there, back };
+  OneWayDelay(const AddedDelay& delay, Direction direction, double share, std::uint64_t seed)
+      : delay_(delay), direction_(direction), share_(share), random_(seed), draws_of_own_(seed) {}
   /// Times must not go back.
   TimeNs at(TimeNs now);
 
@@ -69,7 +69,7 @@ class WayDelay {
 
   static constexpr std::uint64_t kept = 32;  ///< draws: more than the maximum delay spans
   AddedDelay delay_;
-  Way way_;
+  Direction direction_;
   double share_;
   Random random_;
   Draws draws_of_own_;
@@ -99,7 +99,8 @@ class SimulatedLedger {
 
   /// `way`: of the added delay, that from the ledger to this client: `back` for the one that commands go to; `share`:
   /// how much of it. The shares of both add up to 1.
-  Client add_client(const crypto::IdentityName& name, WayDelay::Way way = WayDelay::Way::there, double share = 0.5);
+  Client add_client(const crypto::IdentityName& name, OneWayDelay::Direction way = OneWayDelay::Direction::there,
+                    double share = 0.5);
   const fabric::ChannelAndContract& where() const { return where_; }
   crypto::MspRegistry& registry() { return *registry_; }
   std::shared_ptr<crypto::MspRegistry> shared_registry() { return registry_; }
@@ -107,11 +108,11 @@ class SimulatedLedger {
   /// The peer that all of them ask.
   Relay& relay() { return relay_; }
   /// Called with every call that a member proposes, as it is signed.
-  void on_asked(std::function<void(const fabric::Call&)> asked) { asked_ = std::move(asked); }
+  void on_call_proposed(std::function<void(const fabric::Call&)> asked) { asked_ = std::move(asked); }
   /// Called with every call whose transaction is valid.
   void on_committed(std::function<void(const fabric::Call&)> committed) { committed_ = std::move(committed); }
 
-  /// Starts a transaction; its outcome comes out of take_outcomes() with the same `id`.
+  /// Starts a transaction; its outcome comes out of pop_outcomes() with the same `id`.
   void submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call);
   /// Has a common.Envelope ordered that somebody made by other ways; nobody hears what became of it.
   void order(TimeNs now, const std::string& envelope);
@@ -129,13 +130,13 @@ class SimulatedLedger {
   void restart(TimeNs now);
 
   /// What has reached this client since the last call. Blocks come in order, from the one after add_client() on.
-  std::vector<BlockPtr> take_blocks(TimeNs now, Client client);
+  std::vector<BlockPtr> pop_blocks(TimeNs now, Client client);
   BlockPtr block(std::uint64_t number) const;  ///< of those that are stored
   struct Ended {
     std::uint64_t id = 0;
     fabric::Outcome outcome;
   };
-  std::vector<Ended> take_outcomes(TimeNs now, Client client);
+  std::vector<Ended> pop_outcomes(TimeNs now, Client client);
 
   std::uint64_t height() const { return store_->height(); }
   std::uint64_t transactions() const { return core_->counts().transactions; }
@@ -161,7 +162,7 @@ class SimulatedLedger {
   };
   struct Member {
     crypto::SigningIdentity identity;
-    WayDelay added;
+    OneWayDelay added;
     std::deque<std::pair<TimeNs, BlockPtr>> blocks;
     std::deque<std::pair<TimeNs, Ended>> outcomes;
   };

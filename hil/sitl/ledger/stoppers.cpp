@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/access/access.hpp"
 #include "common/msg/contract.hpp"
 #include "hil/sitl/world_setup.hpp"
 #include "ledgerline.pb.h"
@@ -25,68 +26,66 @@ LedgerPort& Stoppers::port(Stopper who) {
 
 namespace {
 
-fabric::Call call_of(const std::string& drone, ControlWord word) {
-  if (word == ControlWord::acquire || word == ControlWord::claim || word == ControlWord::request) {
+fabric::Call call_of(const std::string& drone, ControlCommand word) {
+  if (word == ControlCommand::acquire || word == ControlCommand::claim || word == ControlCommand::request) {
     LeaseCall call;
     call.add_drones(drone);
-    if (word != ControlWord::claim) call.set_priority(contract::max_priority);
-    return {word == ControlWord::request ? contract::request : contract::acquire, {call.SerializeAsString()}};
+    if (word != ControlCommand::claim) call.set_priority(contract::max_priority);
+    return {word == ControlCommand::request ? contract::request : contract::acquire, {call.SerializeAsString()}};
   }
-  if (word == ControlWord::hand_over || word == ControlWord::deny) {
+  if (word == ControlCommand::hand_over || word == ControlCommand::deny) {
     AnswerCall call;
     call.add_drones(drone);
-    call.mutable_to()->set_msp_id(supervisor_name.msp_id);
-    call.mutable_to()->set_subject(supervisor_name.subject);
-    return {word == ControlWord::deny ? contract::deny : contract::hand_over, {call.SerializeAsString()}};
+    *call.mutable_to() = to_message(supervisor_name);
+    return {word == ControlCommand::deny ? contract::deny : contract::hand_over, {call.SerializeAsString()}};
   }
-  if (word == ControlWord::revoke) {
+  if (word == ControlCommand::revoke) {
     RevokeCall call;
-    call.mutable_identity()->set_msp_id(operator_name.msp_id);
-    call.mutable_identity()->set_subject(operator_name.subject);
+    *call.mutable_identity() = to_message(operator_name);
     return {contract::revoke, {call.SerializeAsString()}};
   }
   DronesCall call;
   call.add_drones(drone);
-  call.set_cut(word == ControlWord::cut);
-  const bool stops = word == ControlWord::stop || word == ControlWord::cut;
-  return {stops                             ? contract::stop
-          : word == ControlWord::clear_stop ? contract::clear_stop
-                                            : contract::evict,
+  call.set_cut(word == ControlCommand::cut);
+  const bool stops = word == ControlCommand::stop || word == ControlCommand::cut;
+  return {stops                                ? contract::stop
+          : word == ControlCommand::clear_stop ? contract::clear_stop
+                                               : contract::evict,
           {call.SerializeAsString()}};
 }
 
 }  // namespace
 
-void Stoppers::say(TimeNs now, Stopper who, const std::string& drone, ControlWord word) {
+void Stoppers::post(TimeNs now, Stopper who, const std::string& drone, ControlCommand word) {
   fabric::RepeatLimits limits;
   fabric::Call call = call_of(drone, word);
   if (call.function != contract::stop) limits = {.attempts = 10, .conflicts_only = true};
-  sayings_.push_back({who, std::move(call), fabric::Repeat(limits, ++seed_, now), now, 0});
+  calls_.push_back({who, std::move(call), fabric::Repeat(limits, ++seed_, now), now, 0});
 }
 
 void Stoppers::ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome) {
-  Saying& saying = sayings_[at];
-  saying.id = 0;
-  if (saying.repeat.ended(now, outcome) == fabric::Repeat::Next::again) {
-    saying.next_ns = saying.repeat.at_ns();
+  PendingCall& pending = calls_[at];
+  pending.id = 0;
+  if (pending.repeat.ended(now, outcome) == fabric::Repeat::Next::again) {
+    pending.next_ns = pending.repeat.at_ns();
   } else {
-    sayings_.erase(sayings_.begin() + static_cast<std::ptrdiff_t>(at));
+    calls_.erase(calls_.begin() + static_cast<std::ptrdiff_t>(at));
   }
 }
 
-bool Stoppers::take_outcome(TimeNs now, const SimulatedLedger::Ended& outcome) {
-  const auto saying =
-      std::find_if(sayings_.begin(), sayings_.end(), [&](const Saying& s) { return s.id == outcome.id; });
-  if (outcome.id == 0 || saying == sayings_.end()) return outcome.id > (std::uint64_t{1} << 62);
-  ended(now, static_cast<std::size_t>(saying - sayings_.begin()), outcome.outcome);
+bool Stoppers::on_outcome(TimeNs now, const SimulatedLedger::Ended& outcome) {
+  const auto pending =
+      std::find_if(calls_.begin(), calls_.end(), [&](const PendingCall& s) { return s.id == outcome.id; });
+  if (outcome.id == 0 || pending == calls_.end()) return outcome.id > (std::uint64_t{1} << 62);
+  ended(now, static_cast<std::size_t>(pending - calls_.begin()), outcome.outcome);
   return true;
 }
 
 void Stoppers::forgotten(TimeNs now) {
   fabric::Outcome outcome;
   outcome.message = "the connection broke";
-  for (std::size_t at = sayings_.size(); at-- > 0;) {
-    if (sayings_[at].who == Stopper::operating && sayings_[at].id != 0) ended(now, at, outcome);
+  for (std::size_t at = calls_.size(); at-- > 0;) {
+    if (calls_[at].who == Stopper::operating && calls_[at].id != 0) ended(now, at, outcome);
   }
 }
 
@@ -97,13 +96,13 @@ void Stoppers::restart(TimeNs now) {
 void Stoppers::step(TimeNs now) {
   for (auto& [who, port] : ports_) {
     port->step(now);
-    (void)port->take_blocks();
-    for (const auto& outcome : port->take_outcomes()) take_outcome(now, outcome);
+    (void)port->pop_blocks();
+    for (const auto& outcome : port->pop_outcomes()) on_outcome(now, outcome);
   }
-  for (Saying& saying : sayings_) {
-    if (saying.id != 0 || now < saying.next_ns) continue;
-    saying.id = ++last_id_;
-    port(saying.who).submit(now, saying.id, saying.call);
+  for (PendingCall& pending : calls_) {
+    if (pending.id != 0 || now < pending.next_ns) continue;
+    pending.id = ++last_id_;
+    port(pending.who).submit(now, pending.id, pending.call);
   }
 }
 

@@ -1,5 +1,4 @@
 #pragma once
-#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -16,7 +15,7 @@ namespace ledgerline::hil {
 /// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, an
 /// outsider, who is a supervisor of another organisation, and an administrator of the operator's organisation.
 enum class Stopper : std::uint8_t { operating, supervisor, outsider, administrator };
-enum class ControlWord : std::uint8_t {
+enum class ControlCommand : std::uint8_t {
   stop,
   cut,
   clear_stop,
@@ -28,9 +27,6 @@ enum class ControlWord : std::uint8_t {
   deny,
   claim
 };
-inline constexpr std::array<std::string_view, 10> control_words{"stop",   "cut",     "clear_stop", "acquire", "evict",
-                                                                "revoke", "request", "hand_over",  "deny",    "claim"};
-static_assert(control_words.size() == enum_count<ControlWord>);
 
 /// Those who stop drones, clear stops and take drones by a script, each as ledgerline-control does: a stop is said
 /// again until it is on the ledger or refused, the others over conflicts alone. An acquire is of the highest priority
@@ -41,11 +37,11 @@ class Stoppers {
  public:
   Stoppers(SimulatedLedger& ledger, LedgerPort& operating, std::uint64_t seed);
 
-  void say(TimeNs now, Stopper who, const std::string& drone, ControlWord word);
+  void post(TimeNs now, Stopper who, const std::string& drone, ControlCommand word);
   /// What is due; after the ledger's step and the operator's port's.
   void step(TimeNs now);
   /// An outcome that came by the operator's port; false: not of a call made here.
-  bool take_outcome(TimeNs now, const SimulatedLedger::Ended& ended);
+  bool on_outcome(TimeNs now, const SimulatedLedger::Ended& ended);
   /// The operator's port has forgotten what was in flight.
   void forgotten(TimeNs now);
   void restart(TimeNs now);
@@ -54,7 +50,7 @@ class Stoppers {
   const std::map<Stopper, std::unique_ptr<LedgerPort>>& ports() const { return ports_; }
 
  private:
-  struct Saying {
+  struct PendingCall {
     Stopper who{};
     fabric::Call call;
     fabric::Repeat repeat;
@@ -68,7 +64,7 @@ class Stoppers {
   LedgerPort& operating_;
   std::uint64_t seed_;
   std::map<Stopper, std::unique_ptr<LedgerPort>> ports_;
-  std::vector<Saying> sayings_;
+  std::vector<PendingCall> calls_;
   std::uint64_t last_id_ = std::uint64_t{1} << 62;  // ground's calls count from 1
 };
 

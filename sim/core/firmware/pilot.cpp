@@ -28,18 +28,14 @@ constexpr double flip_jump_s = 0.25, flip_jump_thrust = 1.8, flip_radps = 20, fl
 }  // namespace
 
 Pilot::Pilot(const Parameters& parameters, std::uint64_t seed)
-    : p_(parameters),
-      flow_(parameters.sensors, seed),
-      height_(parameters),
-      takeoffs_(seed ^ takeoff_seed),
-      hold_(parameters.control) {}
+    : p_(parameters), odometry_(parameters, seed), takeoffs_(seed ^ takeoff_seed), hold_(parameters.control) {}
 
 bool Pilot::busy() const {
   return phase_ == Phase::spinning_up || phase_ == Phase::climbing || phase_ == Phase::landing ||
          !std::holds_alternative<std::monostate>(action_);
 }
 
-std::optional<Pilot::End> Pilot::take_end() {
+std::optional<Pilot::End> Pilot::pop_end() {
   const auto end = end_;
   end_.reset();
   return end;
@@ -61,7 +57,7 @@ bool Pilot::takeoff(const Body& body) {
   if (phase_ != Phase::off || tilt_of(body.attitude) > upright_rad) return false;
   crashed_ = false;
   idling_ = false;
-  height_.set_out();
+  odometry_.reset_height();
   takeoff_z_ = body.position.z();
   phase_ = Phase::spinning_up;
   phase_s_ = 0;
@@ -91,19 +87,21 @@ void Pilot::begin_landing() {
 }
 
 Vector Pilot::to_map(const Vector& v) const {
-  return {std::cos(yaw_) * v.x() - std::sin(yaw_) * v.y(), std::sin(yaw_) * v.x() + std::cos(yaw_) * v.y(), v.z()};
+  Vector turned = v;
+  turned.head<2>() = Eigen::Rotation2Dd(odometry_.yaw_rad()) * v.head<2>();
+  return turned;
 }
 
 bool Pilot::line(const Vector& offset, double speed_mps) {
   if (!ready_for_move()) return false;
   begin_move();
-  const Path path = Path::line(odometry_, to_map(offset));
+  const Path path = Path::line(odometry_.position(), to_map(offset));
   action_ = Move{path, SpeedProfile(path.length(), speed_mps, p_.control.move_acceleration_mps2)};
   return true;
 }
 
 bool Pilot::arc(const Vector& via, const Vector& end, double speed_mps) {
-  const auto path = Path::arc(odometry_, to_map(via), to_map(end));
+  const auto path = Path::arc(odometry_.position(), to_map(via), to_map(end));
   if (!path || !ready_for_move()) return false;
   begin_move();
   action_ = Move{*path, SpeedProfile(path->length(), speed_mps, p_.control.move_acceleration_mps2)};
@@ -113,32 +111,17 @@ bool Pilot::arc(const Vector& via, const Vector& end, double speed_mps) {
 bool Pilot::turn(double angle_rad, double rate_radps) {
   if (!ready_for_move()) return false;
   begin_move();
-  action_ =
-      Turn{yaw_, angle_rad < 0 ? -1.0 : 1.0, SpeedProfile(std::abs(angle_rad), rate_radps, turn_acceleration_radps2)};
+  action_ = Turn{odometry_.yaw_rad(), angle_rad < 0 ? -1.0 : 1.0,
+                 SpeedProfile(std::abs(angle_rad), rate_radps, turn_acceleration_radps2)};
   return true;
 }
 
-bool Pilot::flip(Flip direction) {
+bool Pilot::flip(const Vector& axis) {
   if (!ready_for_move()) return false;
   begin_move();
-  hold_.hold(odometry_.head<2>());
-  hold_.hold_height(odometry_.z());
-  Flipping flip;
-  switch (direction) {
-    case Flip::forward:
-      flip.axis = Vector::UnitY();
-      break;
-    case Flip::back:
-      flip.axis = -Vector::UnitY();
-      break;
-    case Flip::right:
-      flip.axis = Vector::UnitX();
-      break;
-    case Flip::left:
-      flip.axis = -Vector::UnitX();
-      break;
-  }
-  action_ = flip;
+  hold_.hold(odometry_.position().head<2>());
+  hold_.hold_height(odometry_.position().z());
+  action_ = Flipping{.axis = axis};
   return true;
 }
 
@@ -167,16 +150,8 @@ bool Pilot::idle_motors(bool on) {
   return true;
 }
 
-void Pilot::estimate(const Body& body, const Sensing& sensing) {
-  estimate_ = flow_.step(body, sensing);
-  flow_lost_s_ = flow_.lost() ? flow_lost_s_ + step_s : 0;
-  odometry_.head<2>() += estimate_.head<2>() * step_s;
-  odometry_.z() = height_.step(body, sensing);
-  yaw_ += std::remainder(yaw_of(body.attitude) - yaw_, 2 * std::numbers::pi);
-}
-
 double Pilot::above_floor(double upward_mps) const {
-  return std::max(upward_mps, -2 * (odometry_.z() - takeoff_z_ - floor_m));
+  return std::max(upward_mps, -2 * (odometry_.position().z() - takeoff_z_ - floor_m));
 }
 
 VelocitySetpoint Pilot::hold(const VelocitySetpoint& wanted) {
@@ -184,25 +159,26 @@ VelocitySetpoint Pilot::hold(const VelocitySetpoint& wanted) {
   if (in_attitude_mode()) {
     hold_.release_sideways();  // there is nothing to hold by
   } else {
-    out.velocity.head<2>() = hold_.sideways(wanted.velocity.head<2>(), odometry_, estimate_);
+    out.velocity.head<2>() = hold_.sideways(wanted.velocity.head<2>(), odometry_.position(), odometry_.velocity());
   }
-  out.velocity.z() = above_floor(hold_.upward(wanted.velocity.z(), odometry_, estimate_));
+  out.velocity.z() = above_floor(hold_.upward(wanted.velocity.z(), odometry_.position(), odometry_.velocity()));
   return out;
 }
 
 Motors Pilot::steer(const Body& body, const VelocitySetpoint& setpoint) const {
-  return in_attitude_mode() ? fly_attitude(p_, body, estimate_, setpoint) : fly_velocity(p_, body, estimate_, setpoint);
+  return in_attitude_mode() ? fly_attitude(p_, body, odometry_.velocity(), setpoint)
+                            : fly_velocity(p_, body, odometry_.velocity(), setpoint);
 }
 
 VelocitySetpoint Pilot::follow(const Move& move) {
   const auto along = move.profile.at(action_s_);
   const Path::Point point = move.path.at(along.distance);
-  const Vector error = point.position - odometry_;
+  const Vector error = point.position - odometry_.position();
   VelocitySetpoint out;
   out.velocity = along.speed * point.tangent + p_.control.position_gain_per_s * error;
   out.acceleration = along.acceleration * point.tangent + along.speed * along.speed * point.normal_curvature;
   const double over = action_s_ - move.profile.duration_s();
-  if (over > settle_s || (over > 0 && error.norm() < reached_m && estimate_.norm() < rest_mps)) {
+  if (over > settle_s || (over > 0 && error.norm() < reached_m && odometry_.velocity().norm() < rest_mps)) {
     if (error.norm() < 2 * reached_m) {
       hold_.hold(point.position.head<2>());
       hold_.hold_height(point.position.z());
@@ -214,7 +190,7 @@ VelocitySetpoint Pilot::follow(const Move& move) {
 
 VelocitySetpoint Pilot::rotate(const Turn& turn) {
   const auto along = turn.profile.at(action_s_);
-  const double error = turn.from + turn.sign * along.distance - yaw_;
+  const double error = turn.from + turn.sign * along.distance - odometry_.yaw_rad();
   VelocitySetpoint out;
   out.yaw_rate = turn.sign * (along.speed + along.acceleration * p_.control.yaw_rate_lag_s) + turn_gain_per_s * error;
   const double over = action_s_ - turn.profile.duration_s();
@@ -223,11 +199,11 @@ VelocitySetpoint Pilot::rotate(const Turn& turn) {
 }
 
 VelocitySetpoint Pilot::climb() {
-  const double left_m = takeoff_z_ + p_.control.takeoff_height_m - odometry_.z();
-  hold_.shift(drift_by_climb_ * estimate_.z() * step_s);
+  const double left_m = takeoff_z_ + p_.control.takeoff_height_m - odometry_.position().z();
+  hold_.shift(drift_by_climb_ * odometry_.velocity().z() * step_s);
   VelocitySetpoint wanted = hold({});
   wanted.velocity.z() = std::min(p_.control.takeoff_mps, p_.control.position_gain_per_s * left_m);
-  if (std::abs(left_m) < 0.05 && std::abs(estimate_.z()) < 0.1) {
+  if (std::abs(left_m) < 0.05 && std::abs(odometry_.velocity().z()) < 0.1) {
     phase_ = Phase::flying;
     hold_.hold_height(takeoff_z_ + p_.control.takeoff_height_m);
     finish(End::reached);
@@ -238,8 +214,8 @@ VelocitySetpoint Pilot::climb() {
 VelocitySetpoint Pilot::descend() {
   VelocitySetpoint wanted = hold({});
   wanted.velocity.z() = -p_.control.landing_mps;
-  if (odometry_.z() < slow_landing_below_m) {
-    const double too_slow_mps = estimate_.z() + p_.control.touchdown_mps;
+  if (odometry_.position().z() < slow_landing_below_m) {
+    const double too_slow_mps = odometry_.velocity().z() + p_.control.touchdown_mps;
     if (too_slow_mps > floats_below * p_.control.touchdown_mps)
       pressed_down_mps_ = std::min(max_press_mps, pressed_down_mps_ + press_per_s * too_slow_mps * step_s);
     wanted.velocity.z() = -p_.control.touchdown_mps - pressed_down_mps_;
@@ -280,14 +256,14 @@ Motors Pilot::somersault(Flipping& flip, const Body& body) {
     flip.stage = Stage::recover;
     action_s_ = 0;
   }
-  const Vector off = hold_.position() - odometry_;
+  const Vector off = hold_.position() - odometry_.position();
   const bool back = std::abs(off.z()) < reached_m && off.head<2>().norm() < 2 * reached_m;
-  if (action_s_ > flip_recover_s || (back && estimate_.norm() < rest_mps)) finish(End::reached);
+  if (action_s_ > flip_recover_s || (back && odometry_.velocity().norm() < rest_mps)) finish(End::reached);
   return steer(body, hold({}));
 }
 
 Motors Pilot::step(const Body& body, const Sensing& sensing) {
-  estimate(body, sensing);
+  odometry_.step(body, sensing);
   if (motors_on()) motor_s_ += step_s;
   phase_s_ += step_s;
   const double weight = p_.body.mass_kg * gravity_mps2;

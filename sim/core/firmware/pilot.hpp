@@ -3,9 +3,7 @@
 #include <variant>
 
 #include "sim/core/firmware/controller.hpp"
-#include "sim/core/firmware/flow.hpp"
-#include "sim/core/firmware/own_height.hpp"
-#include "sim/core/firmware/place_hold.hpp"
+#include "sim/core/firmware/odometry.hpp"
 #include "sim/core/path.hpp"
 
 namespace ledgerline::sim {
@@ -17,14 +15,13 @@ namespace ledgerline::sim {
 ///      ^ touched down, cut(), turned over                   | land()
 ///      +------------------------------------ landing <------+
 ///
-/// One action (takeoff, landing, move) runs at a time; take_end() says once how it ended. Moves are measured with the
+/// One action (takeoff, landing, move) runs at a time; pop_end() says once how it ended. Moves are measured with the
 /// drone's own odometry, which drifts as its velocity estimate does. Where flow stays lost it is in attitude mode: the
 /// sticks command a lean, and drag alone slows it. One thread.
 class Pilot {
  public:
   enum class Phase { off, spinning_up, climbing, flying, landing };
   enum class End { reached, broken_off, motors_stopped };
-  enum class Flip { left, right, forward, back };
 
   Pilot(const Parameters& parameters, std::uint64_t seed);
 
@@ -38,7 +35,7 @@ class Pilot {
   bool line(const Vector& offset, double speed_mps);
   bool arc(const Vector& via, const Vector& end, double speed_mps);  ///< the points must not lie on one line
   bool turn(double angle_rad, double rate_radps);
-  bool flip(Flip direction);
+  bool flip(const Vector& axis);  ///< once around it, in body axes
   /// Sticks hold until they are set again; ignored unless flying without a move. Velocity: forward, left, up.
   void sticks(const Vector& velocity_mps, double yaw_rate_radps);
   /// Breaks off a move and holds the place; zeroes the sticks.
@@ -53,9 +50,9 @@ class Pilot {
   bool motors_on() const { return phase_ != Phase::off || idling_; }
   double takeoff_z() const { return takeoff_z_; }
   double motor_seconds() const { return motor_s_; }
-  const Flow& flow() const { return flow_; }
+  const Flow& flow() const { return odometry_.flow(); }
   /// How the last action ended; once.
-  std::optional<End> take_end();
+  std::optional<End> pop_end();
 
  private:
   struct Move {
@@ -72,7 +69,6 @@ class Pilot {
     enum class Stage { jump, spin, recover } stage = Stage::jump;
   };
 
-  void estimate(const Body& body, const Sensing& sensing);
   void finish(End end);
   bool ready_for_move() const { return phase_ == Phase::flying && !busy(); }
   void begin_move();
@@ -82,7 +78,7 @@ class Pilot {
   double above_floor(double upward_mps) const;
   VelocitySetpoint climb();
   VelocitySetpoint descend();
-  bool in_attitude_mode() const { return flow_lost_s_ > p_.control.attitude_after_s; }
+  bool in_attitude_mode() const { return odometry_.flow_lost_s() > p_.control.attitude_after_s; }
   Motors steer(const Body& body, const VelocitySetpoint& setpoint) const;
   VelocitySetpoint fly();
   VelocitySetpoint follow(const Move& move);
@@ -90,17 +86,12 @@ class Pilot {
   Motors somersault(Flipping& flip, const Body& body);
 
   Parameters p_;
-  Flow flow_;
-  OwnHeight height_;
+  Odometry odometry_;
   Random takeoffs_;
   Phase phase_ = Phase::off;
   bool crashed_ = false, idling_ = false;
   double phase_s_ = 0, motor_s_ = 0, takeoff_z_ = 0;
   int touching_steps_ = 0;
-
-  Vector estimate_ = Vector::Zero();  ///< velocity
-  Vector odometry_ = Vector::Zero();
-  double yaw_ = 0;  ///< unwrapped
 
   std::variant<std::monostate, Move, Turn, Flipping> action_;
   double action_s_ = 0;
@@ -109,7 +100,6 @@ class Pilot {
   PlaceHold hold_;
   Eigen::Vector2d drift_by_climb_ = Eigen::Vector2d::Zero();  ///< how far sideways for each metre that it rises
   double pressed_down_mps_ = 0;                               ///< what a landing adds while it floats above the ground
-  double flow_lost_s_ = 0;                                    ///< for so long without a break
   std::optional<End> end_;
 };
 

@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <numbers>
-
-#include "sim/core/firmware/words.hpp"
 
 namespace ledgerline::sim {
 namespace {
@@ -22,6 +21,47 @@ constexpr int min_speed_cmps = 10, max_speed_cmps = 100, max_curve_cmps = 60;
 constexpr double min_radius_m = 0.5, max_radius_m = 10;
 constexpr double min_line_m = 0.02;  // nearer above a pad than this: it is there
 
+std::optional<int> number(std::string_view text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// All words as numbers, or nothing.
+template <std::size_t N>
+std::optional<std::array<int, N>> numbers(std::span<const std::string_view> words) {
+  if (words.size() != N) return std::nullopt;
+  std::array<int, N> values{};
+  for (std::size_t i = 0; i < N; ++i) {
+    const auto value = number(words[i]);
+    if (!value) return std::nullopt;
+    values[i] = *value;
+  }
+  return values;
+}
+
+bool within(int value, int low, int high) { return value >= low && value <= high; }
+
+/// m1 to m8; -1 for m-1, -2 for m-2: any pad, and the nearest.
+std::optional<int> pad_id(std::string_view word) {
+  if (word.empty() || word[0] != 'm') return std::nullopt;
+  const auto id = number(word.substr(1));
+  return id && (within(*id, 1, 8) || within(*id, -2, -1)) ? id : std::nullopt;
+}
+
+/// djitellopy takes any text with "ok" in it for a success, so the echo is left out of such a one.
+std::string unknown(std::string_view name) {
+  std::string echo;
+  for (const char c : name)
+    if (c > ' ' && c <= '~') echo += c;
+  std::string lower = echo;
+  std::transform(lower.begin(), lower.end(), lower.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  if (lower.find("ok") != std::string::npos) echo.clear();
+  return "unknown command: " + echo;
+}
+
 /// A point in centimetres: x forward, y left, z up. Each within 5 m, and not all within 20 cm of where the drone is.
 bool point_in_range(int x, int y, int z) {
   const bool near = within(x, -min_move_cm, min_move_cm) && within(y, -min_move_cm, min_move_cm) &&
@@ -29,6 +69,10 @@ bool point_in_range(int x, int y, int z) {
   return !near && within(x, -max_move_cm, max_move_cm) && within(y, -max_move_cm, max_move_cm) &&
          within(z, -max_move_cm, max_move_cm);
 }
+
+constexpr std::string_view questions[] = {
+    "battery?", "speed?",        "time?", "wifi?",     "sdk?",    "sn?",          "height?", "temp?", "attitude?",
+    "baro?",    "acceleration?", "tof?",  "hardware?", "active?", "wifiversion?", "ssid?",   "ap?"};
 
 Vector metres(int x, int y, int z) { return Vector(x, y, z) / 100; }
 
@@ -87,32 +131,18 @@ const Sdk::Entry* Sdk::find(std::string_view name) {
       {"wifisetchannel", &Sdk::yes, 1, 1},
       {"EXT", &Sdk::yes, 1, any},
       {"reboot", &Sdk::reboot},
-      {"battery?", &Sdk::query},
-      {"speed?", &Sdk::query},
-      {"time?", &Sdk::query},
-      {"wifi?", &Sdk::query},
-      {"sdk?", &Sdk::query},
-      {"sn?", &Sdk::query},
-      {"height?", &Sdk::query},
-      {"temp?", &Sdk::query},
-      {"attitude?", &Sdk::query},
-      {"baro?", &Sdk::query},
-      {"acceleration?", &Sdk::query},
-      {"tof?", &Sdk::query},
-      {"hardware?", &Sdk::query},
-      {"active?", &Sdk::query},
-      {"wifiversion?", &Sdk::query},
-      {"ssid?", &Sdk::query},
-      {"ap?", &Sdk::query},
+      {"battery?", &Sdk::query},  // and all other questions
   };
-  const auto* found = std::find_if(std::begin(table), std::end(table), [&](const Entry& e) { return e.name == name; });
+  const bool asks = std::find(std::begin(questions), std::end(questions), name) != std::end(questions);
+  const auto* found = std::find_if(std::begin(table), std::end(table),
+                                   [&](const Entry& e) { return e.name == (asks ? "battery?" : name); });
   return found == std::end(table) ? nullptr : found;
 }
 
 Sdk::Sdk(const Parameters& parameters, DroneNumber number)
     : p_(parameters), number_(number), speed_cmps_(parameters.sdk.default_speed_cmps) {}
 
-void Sdk::say(Endpoint to, std::string text, std::vector<Outgoing>& out) const {
+void Sdk::send(Endpoint to, std::string text, std::vector<Outgoing>& out) const {
   out.push_back({number_, to, std::move(text)});
 }
 
@@ -140,14 +170,14 @@ void Sdk::act(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, st
   if (!sdk_mode_ && !(fits && count == 1 && words[0] == "command")) return;
 
   if (!sdk_mode_ || p_.sdk.command_counts || !fits || words[0] != "command") last_heard_ = now;
-  if (!fits) return say(from, "error", out);
+  if (!fits) return send(from, "error", out);
   const Entry* entry = find(words[0]);
-  if (!entry) return say(from, unknown(words[0]), out);
+  if (!entry) return send(from, unknown(words[0]), out);
   Call call{now, from, words[0], std::span(words).subspan(1, count - 1), drone, out};
   const bool counted = within(static_cast<int>(count) - 1, static_cast<int>(entry->min_arguments),
                               static_cast<int>(entry->max_arguments));
   Answer answer = counted ? (this->*entry->handle)(call) : Answer("error");
-  if (!answer.empty()) say(from, std::move(answer), out);
+  if (!answer.empty()) send(from, std::move(answer), out);
 }
 
 void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
@@ -157,11 +187,11 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
   }
   if (switched_off_) return;
   while (const auto text = heard_.pop(now)) act(now, text->end, text->bytes, drone, out);
-  if (const auto end = drone.pilot.take_end(); end && waiting_) {
+  if (const auto end = drone.pilot.pop_end(); end && waiting_) {
     const char* answer = *end == Pilot::End::reached      ? "ok"
                          : *end == Pilot::End::broken_off ? "error"
                                                           : "error Motor stop";
-    say(*waiting_, answer, out);
+    send(*waiting_, answer, out);
     waiting_.reset();
   }
   if (!sdk_mode_) return;
@@ -177,7 +207,7 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
     state_texts_.push(now + from_seconds(p_.sdk.state_latency_s), {state_to_.address, state_port_},
                       state_text(telemetry(drone), pads_wanted_));
   }
-  while (auto text = state_texts_.pop(now)) say(text->end, std::move(text->bytes), out);
+  while (auto text = state_texts_.pop(now)) send(text->end, std::move(text->bytes), out);
 }
 
 void Sdk::protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out) {
@@ -185,7 +215,7 @@ void Sdk::protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out) {
   const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
   const bool empty = drone.sensors.battery() < p_.battery.land_below;
   if ((silent || empty || drone.sensors.overheated()) && drone.pilot.phase() == Phase::flying) {
-    if (waiting_) say(*waiting_, auto_land, out);
+    if (waiting_) send(*waiting_, auto_land, out);
     waiting_.reset();
     drone.pilot.land();
     lands_by_itself_ = true;
@@ -210,7 +240,7 @@ std::optional<PadSight> Sdk::pad_called(std::string_view word, const Drone& dron
 }
 
 void Sdk::break_off(Call& call, const char* why) {
-  if (waiting_) say(*waiting_, why, call.out);
+  if (waiting_) send(*waiting_, why, call.out);
   waiting_.reset();
 }
 
@@ -284,13 +314,11 @@ Sdk::Answer Sdk::move(Call& call) {
   if (!distance) return "error";
   if (!within(*distance, min_move_cm, max_move_cm)) return out_of_range;
   if (auto why = refusal(call); !why.empty()) return why;
-  Vector direction = Vector::Zero();
-  if (call.name == "up") direction = Vector::UnitZ();
-  if (call.name == "down") direction = -Vector::UnitZ();
-  if (call.name == "left") direction = Vector::UnitY();
-  if (call.name == "right") direction = -Vector::UnitY();
-  if (call.name == "forward") direction = Vector::UnitX();
-  if (call.name == "back") direction = -Vector::UnitX();
+  const Vector axis = call.name == "up" || call.name == "down"      ? Vector::UnitZ()
+                      : call.name == "left" || call.name == "right" ? Vector::UnitY()
+                                                                    : Vector::UnitX();
+  const bool back = call.name == "down" || call.name == "right" || call.name == "back";
+  const Vector direction = back ? Vector(-axis) : axis;
   if (!call.drone.pilot.line(direction * *distance / 100.0, speed_cmps_ / 100)) return "error";
   return wait(call);
 }
@@ -345,9 +373,8 @@ Sdk::Answer Sdk::curve(Call& call) {
 }
 
 Sdk::Answer Sdk::flip(Call& call) {
-  using Flip = Pilot::Flip;
-  static constexpr std::pair<std::string_view, Flip> directions[] = {
-      {"l", Flip::left}, {"r", Flip::right}, {"f", Flip::forward}, {"b", Flip::back}};
+  static const std::pair<std::string_view, Vector> directions[] = {
+      {"l", -Vector::UnitX()}, {"r", Vector::UnitX()}, {"f", Vector::UnitY()}, {"b", -Vector::UnitY()}};
   const auto* direction = std::find_if(std::begin(directions), std::end(directions),
                                        [&](const auto& d) { return d.first == call.arguments[0]; });
   if (direction == std::end(directions)) return "error";

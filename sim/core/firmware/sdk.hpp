@@ -87,7 +87,7 @@ class Sdk {
   void act(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out);
   /// Lands by itself where something makes it.
   void protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out);
-  void say(Endpoint to, std::string text, std::vector<Outgoing>& out) const;
+  void send(Endpoint to, std::string text, std::vector<Outgoing>& out) const;
   void break_off(Call& call, const char* why);
   /// After a request that the pilot took: the answer comes at its end.
   Answer wait(const Call& call);

@@ -7,7 +7,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
-EXAMPLES = ROOT / "hil/fault/own/examples"
+EXAMPLES = ROOT / "hil/fault/examples"
 SCENARIOS = ROOT / "hil/scenarios/own"
 TIMEOUT_S = 300  # not a limit on speed: only how long a broken test may take
 

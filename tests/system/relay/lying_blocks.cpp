@@ -4,7 +4,7 @@
 
 #include "common/fabric/tx/transaction.hpp"
 #include "gateway/gateway.grpc.pb.h"
-#include "hil/sitl/peer/serving_peer.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 #include "orderer/ab.pb.h"
 
 namespace ledgerline {
@@ -46,7 +46,7 @@ LyingBlocks::~LyingBlocks() {
 void LyingBlocks::begin() {
   const std::lock_guard lock(mutex_);
   if (!peer_ || began_ns_ != 0) return;
-  peer_->lie(setup_.lie);
+  peer_->set_tampering(setup_.lie);
   began_ns_ = monotonic_ns();
   changed_.notify_all();
 }

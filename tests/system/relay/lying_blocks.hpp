@@ -9,7 +9,7 @@
 #include <string>
 #include <thread>
 
-#include "hil/sitl/peer/serving_peer.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 #include "peer/events.grpc.pb.h"
 
 namespace ledgerline {

@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <fmt/ranges.h>
 #include <grpcpp/grpcpp.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -19,6 +20,7 @@
 
 #include "common/fabric/tx/envelope.hpp"
 #include "gateway/gateway.grpc.pb.h"
+#include "hil/netem/text_parse.hpp"
 #include "hil/sitl/ledger/relay.hpp"
 #include "peer/chaincode_event.pb.h"
 #include "tests/system/relay/lying_blocks.hpp"
@@ -28,7 +30,7 @@
 /// of Org1's peer in one place. Either what Endorse answers is bent by hil::Relay, from some seconds behind the first
 /// command on; or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on. LYING_NODE: the
 /// real program; LYING_LIE: a name of hil/sitl/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
-/// hil/sitl/peer/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
+/// hil/sitl/ledger/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
 namespace {
 
 using namespace ledgerline;
@@ -69,7 +71,7 @@ class LyingGateway final : public gateway::Gateway::Service {
   LyingGateway(const std::shared_ptr<grpc::Channel>& node, hil::Relay::Names names, hil::RelayTampering lie,
                std::chrono::duration<double> after)
       : stub_(gateway::Gateway::NewStub(node)), relay_(std::move(names)), after_(after) {
-    relay_.lie(lie);
+    relay_.set_tampering(lie);
   }
   std::uint64_t bent() const { return bent_; }
   std::uint64_t submitted() const { return submitted_; }
@@ -176,11 +178,12 @@ int run(int argc, char** argv) {
   sigaddset(&ends, SIGUSR1);
   const Child node = start_node(args);
   const std::string block_lie_name = from_environment("LYING_BLOCKS", "");
-  const auto block_lie = hil::peer_lie_from(block_lie_name);
-  const auto lie = block_lie ? hil::RelayTampering::none : hil::relay_lie_from(from_environment("LYING_LIE", ""));
+  const auto block_lie = hil::from_word<hil::PeerTampering>(block_lie_name);
+  const auto lie =
+      block_lie ? hil::RelayTampering::none : hil::from_word<hil::RelayTampering>(from_environment("LYING_LIE", ""));
   if (node.endpoint.empty() || !lie || (!block_lie_name.empty() && !block_lie)) {
     std::fprintf(stderr, "the node did not start, LYING_BLOCKS is no lie, or LYING_LIE is none of %s\n",
-                 hil::relay_lies().c_str());
+                 fmt::format("{}", fmt::join(hil::words_for<hil::RelayTampering>(), ", ")).c_str());
     return 1;
   }
   pthread_sigmask(SIG_BLOCK, &ends, nullptr);  // behind the fork: the node ends by them

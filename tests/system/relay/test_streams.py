@@ -1,4 +1,4 @@
-"""Flights of the real processes whose agent is served blocks by a peer that lies (hil/sitl/peer): it has the real key of
+"""Flights of the real processes whose agent is served blocks by a peer that lies (hil/sitl/ledger): it has the real key of
 the drones' own peer and no orderer's. In mid flight the operator says stop, behind the lie; some agents are killed there and
 start again. Nothing is flown that nobody signed, or in another order; the stop lands the drone no later than the failsafe's
 silence would; and somebody says that there is a lie."""

@@ -14,7 +14,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "hil/fault/own/examples"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "hil/fault/examples"))
 from ros2_messages import Empty, Header, Odometry, Pose, Quaternion, Time, Twist, Vector3
 
 TIMEOUT_S = 60  # not a limit on speed: only how long a broken test may take

@@ -1,4 +1,4 @@
-#include "sim/core/physics/air.hpp"
+#include "sim/core/world.hpp"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "sim/core/draw_tello.hpp"
+#include "sim/core/parameters.hpp"
 #include "tests/unit/sim/flight.hpp"
 
 namespace ledgerline::sim {

@@ -1,4 +1,4 @@
-#include "sim/core/pads.hpp"
+#include "sim/core/sensors.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -84,7 +84,7 @@ TEST(Pads, SightEndsWithHeightAndDistance) {
     Body body;
     body.position = {x, 0, z};
     body.attitude = Eigen::AngleAxisd(tilt_rad, Vector::UnitX());
-    const auto pad = see_pad(p, body, random);
+    const auto pad = visible_pad(p, body, random);
     return pad ? pad->id : 0;
   };
   EXPECT_EQ(seen(0, 0.25), 0) << "too low";

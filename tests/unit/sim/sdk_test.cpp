@@ -430,7 +430,7 @@ TEST(Sdk, ADrainedBatteryLandsTheDroneAndSaysSo) {
 TEST(Sdk, WithoutAPropellerItTurnsOver) {
   Flight flight;
   flight.take_off();
-  flight.simulator.lose_propeller(1);
+  flight.simulator.remove_propeller(1);
   flight.run(2);
   EXPECT_TRUE(flight.truth().crashed);
   EXPECT_FALSE(flight.truth().motors_on);

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "sim/core/firmware/flow.hpp"
+#include "sim/core/firmware/odometry.hpp"
 #include "sim/core/sensors.hpp"
 #include "tests/unit/sim/flight.hpp"
 

@@ -1,9 +1,9 @@
-#include "hil/fault/catalogue.hpp"
+#include "hil/fault/kinds/fault.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "hil/fault/real/real_script.hpp"
+#include "hil/fault/real/real.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -1,4 +1,4 @@
-#include "hil/fault/scenarios.hpp"
+#include "hil/fault/script.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

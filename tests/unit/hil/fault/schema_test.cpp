@@ -1,4 +1,4 @@
-#include "hil/fault/catalogue.hpp"
+#include "hil/fault/kinds/fault.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

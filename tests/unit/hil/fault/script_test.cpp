@@ -3,7 +3,7 @@
 #include <fstream>
 #include <set>
 
-#include "hil/fault/random_script.hpp"
+#include "hil/fault/script.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 

@@ -83,10 +83,11 @@ TEST(Distribution, PlaysARecordingInItsOrderAndAround) {
 
 TEST(Distribution, ReadsARecordingOnceWhateverBecomesOfTheFile) {
   std::string content = "0.001";
-  const ReadRecording read = reading_once([&](const std::string& path) -> Result<Distribution::Recording> {
-    if (content.empty()) return Error{path + " is gone"};
-    return parse_recording(path, content);
-  });
+  const ReadRecording read =
+      reading_once<Distribution::Recording>([&](const std::string& path) -> Result<Distribution::Recording> {
+        if (content.empty()) return Error{path + " is gone"};
+        return parse_recording(path, content);
+      });
   const ReadRecording copy = read;
   ASSERT_TRUE(parse_distribution("recorded f", read));
   content = "0.001\n0.002";

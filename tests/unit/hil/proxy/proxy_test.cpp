@@ -27,7 +27,7 @@ Switches switches() {
 TEST(Switches, ChangeTheDirectionThatIsNamedAndNoOther) {
   Switches s = switches();
   ASSERT_TRUE(s.apply("drone tello1 to delay 200ms, loss 5%"));
-  EXPECT_EQ(text_of(s.of(0, Way::to)), "delay 200ms, loss 5%");
+  EXPECT_EQ(text_of(s.of(0, Direction::to)), "delay 200ms, loss 5%");
   EXPECT_EQ(s.list(), "drone tello1 to delay 200ms, loss 5%\n");
   ASSERT_TRUE(s.apply("drone tello1 to loss off"));
   ASSERT_TRUE(s.apply("drone tello2 from stall"));
@@ -55,9 +55,9 @@ TEST(Switches, MeanAllOfAKindByAStarAndBothDirectionsByBoth) {
 TEST(Switches, CutConnectionsOnce) {
   Switches s = switches();
   ASSERT_TRUE(s.apply("server agent cut"));
-  EXPECT_TRUE(s.take_cut(2));
-  EXPECT_FALSE(s.take_cut(2));
-  EXPECT_FALSE(s.take_cut(3));
+  EXPECT_TRUE(s.pop_cut(2));
+  EXPECT_FALSE(s.pop_cut(2));
+  EXPECT_FALSE(s.pop_cut(3));
 }
 
 TEST(Switches, RefuseWhatATargetCannotHaveAndChangeNothingThen) {
@@ -91,8 +91,8 @@ TEST(Switches, RefuseWhatATargetCannotHaveAndChangeNothingThen) {
 std::vector<std::pair<TimeNs, std::string>> all_of(Script& script) {
   std::vector<std::pair<TimeNs, std::string>> out;
   while (const auto next = script.next()) {
-    EXPECT_FALSE(script.take(*next - 1));
-    out.emplace_back(*next, *script.take(*next));
+    EXPECT_FALSE(script.pop(*next - 1));
+    out.emplace_back(*next, *script.pop(*next));
   }
   return out;
 }
@@ -162,7 +162,7 @@ TEST(Switches, FaultsAtTheSdksCallsNeedTheShim) {
 
 TEST(Script, ReadsARecordingOnce) {
   int reads = 0;
-  Switches s({{Kind::drone, "tello1"}}, reading_once([&](const std::string& path) {
+  Switches s({{Kind::drone, "tello1"}}, reading_once<Distribution::Recording>([&](const std::string& path) {
                ++reads;
                return parse_recording(path, "0.01");
              }));
@@ -174,8 +174,8 @@ TEST(Script, ReadsARecordingOnce) {
 
 TEST(Script, ReadsARecordedDayOnce) {
   int reads = 0;
-  Switches s({{Kind::drone, "tello1"}, {Kind::server, "agent"}}, reading_once(),
-             reading_days_once([&](const std::string& path) {
+  Switches s({{Kind::drone, "tello1"}, {Kind::server, "agent"}}, reading_once<Distribution::Recording>(read_recording),
+             reading_once<Day>([&](const std::string& path) {
                ++reads;
                return parse_day(path, path == "lossless" ? "0,0.01\n1,0.02\n" : "0,0.01\n1,lost\n");
              }));

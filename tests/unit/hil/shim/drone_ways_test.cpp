@@ -1,4 +1,4 @@
-#include "hil/shim/drone_ways.hpp"
+#include "hil/shim/wires.hpp"
 
 #include <gtest/gtest.h>
 
@@ -28,8 +28,8 @@ class Ways : public ::testing::Test {
     return all;
   }
   using Texts = std::vector<std::string>;
-  proxy::Switches switches{DroneWays::targets(2)};
-  DroneWays ways{2, 1};
+  proxy::Switches switches{DroneLinks::targets(2)};
+  DroneLinks ways{2, 1};
 };
 
 TEST_F(Ways, WithoutFaultsEverythingGoesThroughAtOnce) {
@@ -55,10 +55,11 @@ TEST_F(Ways, EachWayIsImpairedByItself) {
 
 TEST(RecordedDay, IsPlayedBehindTheShimAsByTheProxy) {
   const auto day = [](const std::string& path) { return parse_day(path, "0,0.2\n1,lost\n2,0.1\n"); };
-  proxy::Switches switches(DroneWays::targets(1), reading_once(), reading_days_once(day));
+  proxy::Switches switches(DroneLinks::targets(1), reading_once<Distribution::Recording>(read_recording),
+                           reading_once<Day>(day));
   const Status applied = switches.apply("drone tello1 state recorded-day f");
   ASSERT_TRUE(applied) << applied.error().message;
-  DroneWays ways(1, 1);
+  DroneLinks ways(1, 1);
   ways.set(switches);
   const auto came = [&](TimeNs now) {
     ways.from_drone(now, {1, listener, "h:1;"});
@@ -101,7 +102,7 @@ TEST_F(Ways, TheSwitchesSayWhatIsWrong) {
   EXPECT_NE(why("sdk tello3 answers missing").find("no such drone"), std::string::npos);
   EXPECT_NE(why("sdk tello1 answers never").find("must be"), std::string::npos);
   EXPECT_NE(why("drone tello1 video loss 5%").find("no video"), std::string::npos);
-  proxy::Switches of_one(DroneWays::targets(1));
+  proxy::Switches of_one(DroneLinks::targets(1));
   EXPECT_FALSE(of_one.apply("sdk tello1 states other")) << "there is no other drone";
   proxy::Switches of_proxy({{proxy::Target::Kind::drone, "tello1"}});
   const Status refused = of_proxy.apply("sdk tello1 answers missing");

@@ -29,8 +29,8 @@ class OtherGround {
   void step() {
     const TimeNs now = world_.now();
     port_.step(now);
-    const auto outcomes = port_.take_outcomes();
-    give_news(outcomes, port_.take_blocks(), [this](const ground::FlightInputs& inputs) { give(inputs); });
+    const auto outcomes = port_.pop_outcomes();
+    apply_news(outcomes, port_.pop_blocks(), [this](const ground::FlightInputs& inputs) { give(inputs); });
     if (now % (50 * ns_per_ms) == 0) give({});
   }
   bool flies() const { return core_.status(0).phase == ground::DronePhase::manual; }
@@ -127,13 +127,13 @@ Flown fly(std::uint64_t seed, int hand_overs, int evictions) {
     }
     for (const WorldEvent& event : world.events()) {
       flown.unasked += event.kind == WorldEvent::Kind::unasked ? 1 : 0;
-      const bool holds = event.kind == WorldEvent::Kind::mode && world.facts()[0].mode != FailsafeMode::none;
+      const bool holds = event.kind == WorldEvent::Kind::mode && world.drones()[0].mode != FailsafeMode::none;
       flown.held += holds && flown.hand_overs > 0 && !evicting ? 1 : 0;
     }
     if (!flies(holder)) continue;
     evicting = false;
     if (next_ns == 0) next_ns = world.now() + (100 + static_cast<TimeNs>(random.next() % 200)) * ns_per_ms;
-    flown.lowest_m = std::min(flown.lowest_m, world.facts()[0].truth.position_m[2]);
+    flown.lowest_m = std::min(flown.lowest_m, world.drones()[0].truth.position_m[2]);
     if (world.now() < next_ns) continue;
     next_ns = 0;
     const Stopper next = holder == Stopper::operating ? Stopper::supervisor : Stopper::operating;
@@ -144,12 +144,12 @@ Flown fly(std::uint64_t seed, int hand_overs, int evictions) {
     if (evicts) {
       evicting = true;
       ++flown.evictions;
-      world.say_control(Stopper::supervisor, 0, ControlWord::evict);
+      world.post_control(Stopper::supervisor, 0, ControlCommand::evict);
       while (flies(holder) && world.now() < 1'000 * ns_per_s) world.step(), other.step();
-      world.say_control(next, 0, ControlWord::acquire);
+      world.post_control(next, 0, ControlCommand::acquire);
     } else {
       ++flown.hand_overs;
-      world.say_control(next, 0, ControlWord::request);
+      world.post_control(next, 0, ControlCommand::request);
     }
     holder = next;
   }

@@ -37,9 +37,9 @@ class Port : public ::testing::Test {
       now += ns_per_ms;
       ledger.step(now);
       port.step(now);
-      for (auto& ended : port.take_outcomes()) outcomes.push_back({now, ended});
-      for (auto& block : port.take_blocks()) blocks.emplace_back(now, block.number);
-      if (const auto connected = port.take_connection()) connections.emplace_back(now, *connected);
+      for (auto& ended : port.pop_outcomes()) outcomes.push_back({now, ended});
+      for (auto& block : port.pop_blocks()) blocks.emplace_back(now, block.number);
+      if (const auto connected = port.pop_connection_change()) connections.emplace_back(now, *connected);
     }
   }
   std::vector<std::uint64_t> ids() const {
@@ -267,7 +267,7 @@ TEST_F(Port, TheSameSeedDrawsTheSameDelays) {
     for (TimeNs now = ns_per_ms;; now += ns_per_ms) {
       ledger.step(now);
       port.step(now);
-      if (!port.take_outcomes().empty()) return now;
+      if (!port.pop_outcomes().empty()) return now;
     }
   };
   EXPECT_EQ(times(3), times(3));

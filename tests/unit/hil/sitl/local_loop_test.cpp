@@ -1,4 +1,4 @@
-#include "hil/sitl/processes/processes.hpp"
+#include "hil/sitl/processes.hpp"
 
 #include <gtest/gtest.h>
 

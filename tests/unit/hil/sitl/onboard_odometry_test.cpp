@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "hil/sitl/world.hpp"
-#include "sim/core/pads.hpp"
+#include "sim/core/sensors.hpp"
 #include "tests/unit/campaign.hpp"
 
 /// Flights by the drone's own odometry, without motion capture: the place that it tells against the truth, and the

@@ -38,7 +38,7 @@ class PilotPathTest : public testing::Test {
   void step() {
     world_->step();
     for (const WorldEvent& event : world_->events()) {
-      const bool holds = event.kind == WorldEvent::Kind::mode && world_->facts()[0].mode != FailsafeMode::none;
+      const bool holds = event.kind == WorldEvent::Kind::mode && world_->drones()[0].mode != FailsafeMode::none;
       troubles_ += holds || event.kind == WorldEvent::Kind::unasked ? 1 : 0;
     }
   }
@@ -48,11 +48,11 @@ class PilotPathTest : public testing::Test {
   }
   /// From where the drone stood.
   ground::Waypoint at(double x, double y, double z = 1) const {
-    const auto& start_m = world_->facts()[0].start_m;
+    const auto& start_m = world_->drones()[0].start_m;
     return {{start_m[0] + x, start_m[1] + y}, z};
   }
   double away_m(const ground::Waypoint& place) const {
-    const auto& truth_m = world_->facts()[0].truth.position_m;
+    const auto& truth_m = world_->drones()[0].truth.position_m;
     return std::hypot(truth_m[0] - place.at_m.x(), truth_m[1] - place.at_m.y());
   }
   ground::FlightStatus status() const { return world_->ground()->status(0); }
@@ -70,9 +70,9 @@ TEST_F(PilotPathTest, IsFlownPausedResumedAndComesBackAndTheFailsafeHasNothingTo
   run(0.1);
   ASSERT_TRUE(status().paused);
   run(3);
-  const auto here_m = world_->facts()[0].truth.position_m;
+  const auto here_m = world_->drones()[0].truth.position_m;
   run(2);
-  const auto& now_m = world_->facts()[0].truth.position_m;
+  const auto& now_m = world_->drones()[0].truth.position_m;
   EXPECT_LT(std::hypot(now_m[0] - here_m[0], now_m[1] - here_m[1]), 0.3) << "it hovers";
   order(Order::Kind::resume);
   ASSERT_TRUE(run_until(ground::DronePhase::manual, 40));

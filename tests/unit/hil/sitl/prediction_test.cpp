@@ -50,13 +50,13 @@ std::vector<SimulatedFlightResult> fly(SimulatedFlightConfig config, int count) 
   return flights;
 }
 
-struct Figures {
+struct Metrics {
   double rms_m = 0, max_m = 0, laps_s = 0;
 };
 
 /// Over all flights, from this lap (0: the first) on.
-Figures over(const std::vector<SimulatedFlightResult>& flights, std::size_t from_lap = 0) {
-  Figures all;
+Metrics over(const std::vector<SimulatedFlightResult>& flights, std::size_t from_lap = 0) {
+  Metrics all;
   double squares = 0, seconds = 0;
   for (const auto& flight : flights) {
     const auto& laps = flight.drones[0].laps;
@@ -71,8 +71,8 @@ Figures over(const std::vector<SimulatedFlightResult>& flights, std::size_t from
   return all;
 }
 
-void print(const char* what, const std::vector<SimulatedFlightResult>& flights, const Figures& f,
-           const Figures& local) {
+void print(const char* what, const std::vector<SimulatedFlightResult>& flights, const Metrics& f,
+           const Metrics& local) {
   const Quantiles& q = flights[0].drones[0].two_way_ms;
   fmt::print(
       "  {:<34} rms {:.4f} m ({:.2f} x local)  max {:.3f} m  laps {:.2f} s  two-way median {:.0f} p99 {:.0f} ms\n",
@@ -103,7 +103,7 @@ TEST(Prediction, WithThePublishedDelayItFliesAsIfOnBoardAndThePlainControllerFai
   expect_flown(local);
   expect_flown(embedded);
   expect_flown(published);
-  const Figures beside = over(local), near = over(embedded), far = over(published), without = over(plain);
+  const Metrics beside = over(local), near = over(embedded), far = over(published), without = over(plain);
   fmt::print("square of 1.5 m, 1 m/s, {} seeds\n", count);
   print("local", local, beside, beside);
   print("embedded ledger", embedded, near, beside);
@@ -129,14 +129,14 @@ TEST(Prediction, OnWhicheverSideTheDelayLiesItFliesAsWellAsWithHalfOnEach) {
     config.delays.added.own = Distribution::constant(from_seconds(delay_s));
     const auto both = fly(config, count);
     expect_flown(both);
-    const Figures even = over(both);
+    const Metrics even = over(both);
     fmt::print("{} s of delay, {} seeds (local: here half on each side)\n", delay_s, count);
     print("half on each side", both, even, even);
     for (const auto& [side, share] : {std::pair{"agent's side alone", 1.0}, std::pair{"ground's side alone", 0.0}}) {
       config.delays.added.agent_share = share;
       const auto flights = fly(config, count);
       expect_flown(flights);
-      const Figures one = over(flights);
+      const Metrics one = over(flights);
       print(side, flights, one, even);
       EXPECT_LE(one.rms_m, 1.35 * even.rms_m) << side << ", " << delay_s << " s";
       EXPECT_NEAR(one.laps_s, even.laps_s, 0.05 * even.laps_s);
@@ -157,7 +157,7 @@ TEST(Prediction, AModelThatIsThirtyPercentOffIsLearnedWithinTwoLaps) {
     const auto published = fly(config, count);
     expect_flown(local);
     expect_flown(published);
-    const Figures beside = over(local, 2), far = over(published, 2);
+    const Metrics beside = over(local, 2), far = over(published, 2);
     fmt::print("mass, gain and lag {:+.0f} %, third lap on, {} seeds\n", 100 * error, count);
     print("local", local, beside, beside);
     print("published delay", published, far, beside);
@@ -265,7 +265,7 @@ TEST(AddedDelay, BothWaysTogetherAreOneDrawAndARecordingKeepsItsOrder) {
   const ReadRecording file = [](const std::string& path) { return parse_recording(path, "0.2\n0.3\n0.38\n0.25\n"); };
   const auto added = added_delay_from("a file.txt", file);
   ASSERT_TRUE(added.ok()) << added.error().message;
-  WayDelay there(*added, WayDelay::Way::there, 0.5, 7), back(*added, WayDelay::Way::back, 0.5, 7);
+  OneWayDelay there(*added, OneWayDelay::Direction::there, 0.5, 7), back(*added, OneWayDelay::Direction::back, 0.5, 7);
   std::vector<TimeNs> halves;
   for (TimeNs sent = 0; sent < 20 * 100 * ns_per_ms; sent += 100 * ns_per_ms) {
     halves.push_back(there.at(sent));

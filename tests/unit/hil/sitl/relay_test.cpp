@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "hil/netem/text_parse.hpp"
 #include "tests/unit/hil/sitl/lies.hpp"
 
 /// A peer with its real key between the operator, the drone's host and the ledger: whatever it makes of what they asked
@@ -37,7 +38,7 @@ TEST_P(RelayLies, NothingIsFlownThatNobodySigned) {
 
 // Some of them with sanitizers: what is compared is tested whole in tests/unit/common/verification and
 // tests/unit/onboard/agent.
-INSTANTIATE_TEST_SUITE_P(Each, RelayLies, testing::ValuesIn(some_of(relay_lie_names())), test_name);
+INSTANTIATE_TEST_SUITE_P(Each, RelayLies, testing::ValuesIn(some_of(words_for<RelayTampering>())), test_name);
 
 TEST(Relay, AnHonestPeersFlightFinishes) {
   expect_held("title = \"Nobody lies\"\nmust = [\"finishes\"]\n", "honest", 1);

@@ -1,8 +1,9 @@
-#include "hil/sitl/peer/serving_peer.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "hil/netem/text_parse.hpp"
 #include "tests/unit/hil/sitl/lies.hpp"
 
 /// A drone's peer that lies to its agent about the chain: nothing is flown that nobody signed, a stop lands the drone,
@@ -53,7 +54,7 @@ TEST_P(PeerLies, NothingIsFlownThatNobodySignedAndAStopLands) {
 }
 
 // Some of them with sanitizers: the rule itself is tested whole in tests/unit/common/fabric/blocks.
-INSTANTIATE_TEST_SUITE_P(Each, PeerLies, testing::ValuesIn(some_of(peer_lie_names())), test_name);
+INSTANTIATE_TEST_SUITE_P(Each, PeerLies, testing::ValuesIn(some_of(words_for<PeerTampering>())), test_name);
 
 /// Flights in which nobody lies; `flight`: more of the script's [flight].
 void expect_no_violation(const std::string& flight) {
@@ -92,7 +93,7 @@ TEST_P(OrdererLies, NothingIsFlownThatNobodySignedAndAStopLands) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Each, OrdererLies, testing::ValuesIn(some_of(peer_lie_names())), test_name);
+INSTANTIATE_TEST_SUITE_P(Each, OrdererLies, testing::ValuesIn(some_of(words_for<PeerTampering>())), test_name);
 
 TEST(OrdererLies, HonestOnesAreAlwaysTrusted) { expect_no_violation("blocks = \"ordered\"\n"); }
 

@@ -65,7 +65,7 @@ class Host {
     if (agent_) {
       step_agent();
     } else {
-      (void)ledger_.take_blocks(world.now, client_);
+      (void)ledger_.pop_blocks(world.now, client_);
     }
   }
   void step_until(FlightPhase phase) {
@@ -145,12 +145,12 @@ class Host {
   }
 
   void step_agent() {
-    for (const auto& end : ledger_.take_outcomes(world.now, client_)) finish(end.id, end.outcome);
+    for (const auto& end : ledger_.pop_outcomes(world.now, client_)) finish(end.id, end.outcome);
     for (auto& [id, submitted] : std::map(submitted_)) {
       if (world.now >= submitted.gives_up_ns) finish(id, {});
     }
     if (!away) {
-      for (const auto& block : ledger_.take_blocks(world.now, client_))
+      for (const auto& block : ledger_.pop_blocks(world.now, client_))
         agent_->on_block(world.now, *fabric::decode_block(block->SerializeAsString()), out_);
     }
     agent_->step(world.now, out_);

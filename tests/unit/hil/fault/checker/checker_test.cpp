@@ -47,7 +47,7 @@ class CheckedRun {
     return all;
   }
 
-  std::vector<DroneFacts> drones;
+  std::vector<DroneObservation> drones;
   std::vector<WorldEvent> events;
   Moment moment;
   Ending ending{.now = 0, .over = true, .ok = true, .why = {}, .in_the_air = {}, .missing = {}, .lost = {}};
@@ -492,7 +492,7 @@ TEST(FaultChecker, DronesAreApartInTruthUnlessBothStand) {
     run.drones[1].name = "tello2";
     run.drones[1].truth.position_m = place;
     if (!flies) {
-      for (DroneFacts& drone : run.drones) {
+      for (DroneObservation& drone : run.drones) {
         drone.truth.in_flight = false;
         drone.truth.position_m[2] = 0;
       }

@@ -1,4 +1,4 @@
-#include "hil/fault/compare/comparison_io.hpp"
+#include "hil/fault/compare/comparison.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -9,7 +9,6 @@
 #include <iterator>
 
 #include "common/base/random.hpp"
-#include "hil/fault/compare/comparison_io.hpp"
 
 namespace ledgerline::hil::comparing {
 namespace {
@@ -60,7 +59,7 @@ Comparison of(const Runs& a, const Runs& b, const Options& options = {}) {
 
 std::vector<std::string> sent(const Comparison& comparison, Change verdict) {
   std::vector<std::string> names;
-  for (const FigureChange& figure : comparison.figures) {
+  for (const MetricChange& figure : comparison.figures) {
     if (figure.verdict == verdict) names.push_back(figure.script + ":" + figure.figure);
   }
   return names;

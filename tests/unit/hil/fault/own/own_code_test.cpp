@@ -1,12 +1,11 @@
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/own/sdk_flight.hpp"
+#include "hil/fault/own_code.hpp"
+#include "hil/fault/real/real.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 
-#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
 #include "tests/unit/campaign.hpp"

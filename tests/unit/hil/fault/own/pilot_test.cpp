@@ -1,4 +1,4 @@
-#include "hil/fault/own/pilot.hpp"
+#include "hil/fault/pilot.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ constexpr const char* ahead =
 TEST(Pilot, FliesAsItsRowsSay) {
   const auto run = run_script(scripted(ahead), 1);
   ASSERT_TRUE(run) << run.error().message;
-  EXPECT_TRUE(run->held()) << broken_text(*run);
+  EXPECT_TRUE(run->all_held()) << broken_text(*run);
   const TimelinePoint& last = run->timeline[0].back();
   EXPECT_NEAR(last.at_m[0], 1.0, 0.3) << "half a metre a second, for two";
   EXPECT_NEAR(last.at_m[1], 0, 0.2);
@@ -39,7 +39,7 @@ TEST(Pilot, AWordWhoseMomentNeverComesBreaksTheRun) {
                                        "[[pilot]]\ndo = \"land\"\nat = \"flying\"\n"),
                               1);
   ASSERT_TRUE(run);
-  EXPECT_FALSE(run->held());
+  EXPECT_FALSE(run->all_held());
   EXPECT_THAT(broken_text(*run), HasSubstr("the pilot's \"land\" at \"flying\" never came"));
 }
 

@@ -1,10 +1,10 @@
-#include "hil/fault/real/real_script.hpp"
+#include "hil/fault/real/real.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "hil/fault/run/run.hpp"
-#include "hil/fault/scenarios.hpp"
+#include "hil/fault/script.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -81,7 +81,7 @@ TEST(FirstScript, IsFineInEveryModeAndHolds) {
   }
   const auto result = run_script(*check_script(first, "mine.toml"), 1);
   ASSERT_TRUE(result.ok()) << result.error().message;
-  EXPECT_TRUE(result->held());
+  EXPECT_TRUE(result->all_held());
   EXPECT_GT(result->flown_ns, 10 * ns_per_s);
 }
 

@@ -1,4 +1,4 @@
-#include "hil/fault/real/live_facts.hpp"
+#include "hil/fault/real/real_faults.hpp"
 
 #include <gtest/gtest.h>
 
@@ -22,15 +22,15 @@ class LiveFactsTest : public testing::Test {
 };
 
 TEST_F(LiveFactsTest, WithoutTracesNothingHasBegun) {
-  LiveFacts live(run_, script_);
+  LiveObservation live(run_, script_);
   live.read();
   EXPECT_EQ(live.begin_ns(), 0);
-  ASSERT_EQ(live.facts().size(), 1U);
-  EXPECT_EQ(live.facts()[0].name, "tello1");
+  ASSERT_EQ(live.drones().size(), 1U);
+  EXPECT_EQ(live.drones()[0].name, "tello1");
 }
 
 TEST_F(LiveFactsTest, SaysWhereADroneIsInWhichPhaseAndLap) {
-  LiveFacts live(run_, script_);
+  LiveObservation live(run_, script_);
   TraceRecord truth{.t_ns = 5, .kind = TraceKind::truth, .drone = 1, .extra = 1};
   truth.v[2] = 0.75;
   TraceRecord made{.t_ns = 6, .kind = TraceKind::command_made, .drone = 1};
@@ -40,7 +40,7 @@ TEST_F(LiveFactsTest, SaysWhereADroneIsInWhichPhaseAndLap) {
         {{.t_ns = 4, .kind = TraceKind::mode, .drone = 1, .id = static_cast<std::uint64_t>(FlightPhase::flying)}});
   write("ground.trace", {made});
   live.read();
-  const DroneFacts& drone = live.facts()[0];
+  const DroneObservation& drone = live.drones()[0];
   EXPECT_EQ(live.begin_ns(), 4);
   EXPECT_TRUE(drone.truth.in_flight);
   EXPECT_DOUBLE_EQ(drone.truth.position_m[2], 0.75);

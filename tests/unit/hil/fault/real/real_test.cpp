@@ -10,7 +10,6 @@
 
 #include "common/base/file.hpp"
 #include "hil/fault/real/real.hpp"
-#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
@@ -73,7 +72,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   EXPECT_THAT(
       check_real(script_of("[flight]\nside_m = 0.4\nbattery = 0.5\nroom_m = 9\nyaw_deg = 90\npads = \"1:0:0\""), {})
           .error()
-          .what,
+          .message,
       testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery"), HasSubstr("flight.room_m"),
                      HasSubstr("flight.yaw_deg"), HasSubstr("flight.pads")));
   EXPECT_THAT(refusal_of("drone * flow lost"), HasSubstr("inside of the simulation"));
@@ -434,10 +433,10 @@ TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
 TEST(FaultAgreement, ADifferenceBreaksTheRunInVerdictAndJson) {
   RunResult result;
   result.verdicts = {verdict_on({true, 0.05, {}}, 0.1, ns_per_s)};
-  EXPECT_TRUE(result.held());
+  EXPECT_TRUE(result.all_held());
   for (const Agreement& differs : {Agreement{true, 0.11, {}}, Agreement{false, 0, "another mode"}}) {
     result.verdicts = {verdict_on(differs, 0.1, ns_per_s)};
-    EXPECT_FALSE(result.held());
+    EXPECT_FALSE(result.all_held());
     EXPECT_THAT(json_text({result}, {summary_of(result, "")}), HasSubstr("\"held\": false"));
   }
 }

@@ -1,4 +1,4 @@
-#include "hil/fault/run/figures.hpp"
+#include "hil/fault/run/metrics.hpp"
 
 #include <gtest/gtest.h>
 
@@ -33,32 +33,32 @@ struct Flown {
   }
   std::map<std::string, double> figures() const {
     std::map<std::string, double> values;
-    for (const FigureValue& figure : maker.finish(now)) values[std::string(figure.name)] = figure.value;
+    for (const MetricValue& figure : maker.finish(now)) values[std::string(figure.name)] = figure.value;
     return values;
   }
 
-  FigureMaker maker{Limits{}};
-  std::vector<DroneFacts> drones;
+  MetricRecorder maker{Limits{}};
+  std::vector<DroneObservation> drones;
   std::vector<WorldEvent> events;
   TimeNs now = 0;
 };
 
-TEST(Figures, EachHasARowOfTheTableAndNoTwoHaveOneName) {
+TEST(Metrics, EachHasARowOfTheTableAndNoTwoHaveOneName) {
   std::set<std::string_view> names;
-  for (const FigureKind& kind : figure_kinds()) {
+  for (const MetricKind& kind : metric_kinds()) {
     EXPECT_TRUE(names.insert(kind.name).second) << kind.name;
     EXPECT_GT(kind.least, 0) << kind.name;
-    EXPECT_EQ(figure_kind(kind.name), &kind);
+    EXPECT_EQ(metric_kind(kind.name), &kind);
   }
-  EXPECT_EQ(figure_kind("wings"), nullptr);
+  EXPECT_EQ(metric_kind("wings"), nullptr);
   Flown flown;
   flown.drones[0].off_path_m = 0.1;
   flown.events = {{0, WorldEvent::Kind::applied, 0, 0.08, {}, 1}};
   flown.pass(ns_per_s);
-  for (const auto& [name, value] : flown.figures()) EXPECT_NE(figure_kind(name), nullptr) << name;
+  for (const auto& [name, value] : flown.figures()) EXPECT_NE(metric_kind(name), nullptr) << name;
 }
 
-TEST(Figures, OfErrorsAreTheRootMeanSquareAndTheMost) {
+TEST(Metrics, OfErrorsAreTheRootMeanSquareAndTheMost) {
   Flown flown;
   flown.drones[0].off_path_m = 0.3;
   flown.drones[1].off_path_m = 0.4;
@@ -76,7 +76,7 @@ TEST(Figures, OfErrorsAreTheRootMeanSquareAndTheMost) {
   EXPECT_NEAR(figures.at("flown_s"), 1, 1e-9);
 }
 
-TEST(Figures, OfTheFenceTellTheTruthBesideTheEstimate) {
+TEST(Metrics, OfTheFenceTellTheTruthBesideTheEstimate) {
   Flown flown;
   flown.drones[0].truth.position_m = {Limits{}.fence_max_m[0] + 3, 0, 1};
   flown.drones[0].pose = Pose{};
@@ -86,7 +86,7 @@ TEST(Figures, OfTheFenceTellTheTruthBesideTheEstimate) {
   EXPECT_NEAR(flown.figures().at("pose_beyond_fence_m"), 0.5, 1e-9);
 }
 
-TEST(Figures, CountHoldsInFlightAndHowLongTheyLast) {
+TEST(Metrics, CountHoldsInFlightAndHowLongTheyLast) {
   Flown flown;
   const auto mode = [&](FailsafeMode mode, TimeNs lasts) {
     flown.drones[0].mode = mode;
@@ -107,7 +107,7 @@ TEST(Figures, CountHoldsInFlightAndHowLongTheyLast) {
   EXPECT_NEAR(figures.at("held_s"), 0.6, 1e-9);
 }
 
-TEST(Figures, OfCommandsAreTheirAgeAndHowManyASecond) {
+TEST(Metrics, OfCommandsAreTheirAgeAndHowManyASecond) {
   Flown flown;
   for (int i = 0; i < 60; ++i) {
     flown.events = {{0, WorldEvent::Kind::applied, 0, i < 57 ? 0.08 : 0.2, {}, 1}};
@@ -119,7 +119,7 @@ TEST(Figures, OfCommandsAreTheirAgeAndHowManyASecond) {
   EXPECT_NEAR(figures.at("commands_hz"), 60 / 2.4, 1e-9) << "two drones fly 1.2 s";
 }
 
-TEST(Figures, OfWhatADroneIsSentAreChangesOverTime) {
+TEST(Metrics, OfWhatADroneIsSentAreChangesOverTime) {
   Flown flown;
   for (int i = 0; i < 100; ++i) {
     flown.drones[0].sent = {0, i % 2 == 0 ? 0.1 : 0.0, 0};
@@ -129,15 +129,15 @@ TEST(Figures, OfWhatADroneIsSentAreChangesOverTime) {
   EXPECT_NEAR(flown.figures().at("sent_change_mps2"), 2, 1e-9);
 }
 
-TEST(Figures, OfWhatWasNotThereAreNotThere) {
-  FigureMaker maker{Limits{}};
-  const std::vector<DroneFacts> drones(1);
+TEST(Metrics, OfWhatWasNotThereAreNotThere) {
+  MetricRecorder maker{Limits{}};
+  const std::vector<DroneObservation> drones(1);
   Moment moment;
   moment.now = ns_per_ms;
   moment.drones = drones;
   maker.observe(moment);
   std::set<std::string_view> names;
-  for (const FigureValue& figure : maker.finish(ns_per_ms)) names.insert(figure.name);
+  for (const MetricValue& figure : maker.finish(ns_per_ms)) names.insert(figure.name);
   for (const char* none : {"path_rms_m", "nearest_m", "command_age_median_ms", "commands_hz", "sent_change_mps2"})
     EXPECT_FALSE(names.contains(none)) << none;
 }

@@ -25,7 +25,7 @@ struct Recorded {
   }
 
   Script script;
-  std::vector<DroneFacts> drones;
+  std::vector<DroneObservation> drones;
   std::vector<WorldEvent> events;
   Moment moment;
 };
@@ -51,7 +51,7 @@ TEST(RunRecorder, TheLimitsLeaveRoomForTheErrorOfOnboardOdometryAndNoMore) {
                                  pose, fault),
                      "t.toml");
     EXPECT_TRUE(script.ok()) << fault;
-    return limits_of(*script, std::vector<DroneFacts>(1)).max_m[0];
+    return limits_of(*script, std::vector<DroneObservation>(1)).max_m[0];
   };
   const double usual_m = max_m("tello", "agent stop");
   EXPECT_DOUBLE_EQ(usual_m, max_m("mocap", "agent stop"));
@@ -102,7 +102,7 @@ TEST(RunRecorder, HasTheRunChecked) {
   Ending ending{.now = run.moment.now, .over = true, .ok = true};
   ending.in_the_air = in_the_air(run.drones);
   const RunResult result = recorder.finish(ending);
-  EXPECT_FALSE(result.held());
+  EXPECT_FALSE(result.all_held());
   EXPECT_FALSE(result.verdicts[0].held) << "it took two seconds";
   EXPECT_EQ(ending.in_the_air, std::vector<std::string>{"tello1"});
 }

@@ -4,9 +4,9 @@
 #include <filesystem>
 
 #include "common/base/file.hpp"
-#include "hil/fault/random_script.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
+#include "hil/fault/script.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 
@@ -38,7 +38,7 @@ TEST(FaultRun, ABrokenRuleIsReportedWithItsMomentInEveryForm) {
       "tello1\"\n"
       "at = \"height 0.8\"\n");
   const RunResult result = flown(script, 1);
-  EXPECT_FALSE(result.held());
+  EXPECT_FALSE(result.all_held());
   EXPECT_NE(broken_text(result).find("height below 0.5 m: tello1: 0.50 m"), std::string::npos) << broken_text(result);
   EXPECT_NE(json_of(result).find("\"rule\": \"height below 0.5 m\""), std::string::npos);
   EXPECT_NE(json_of(result).find("\"broken\": 1"), std::string::npos);
@@ -70,7 +70,7 @@ TEST(FaultRun, ARecordedDayIsPlayedAsItWentOn) {
         file + offset + "\"\nat = \"path + 1s\"\nfor = \"4s\"\n");
     const RunResult result = flown(script, 3);
     EXPECT_EQ(result.digest, flown(script, 3).digest);
-    return result.held();
+    return result.all_held();
   };
   const std::string lost_later = "0,0.02\n2,lost\n4,0.02\n60,0.02\n";
   EXPECT_TRUE(seen_stale(lost_later, ""));
@@ -82,7 +82,7 @@ TEST(FaultRun, WhoseFaultNeverCameHasNotHeld) {
   for (const char* optional : {"", "optional = true\n"}) {
     const RunResult result = flown(
         scripted(std::string("title = \"t\"\n[[fault]]\nwhat = \"ledger stall\"\nat = \"height 50\"\n") + optional), 1);
-    EXPECT_EQ(result.held(), *optional != '\0');
+    EXPECT_EQ(result.all_held(), *optional != '\0');
     EXPECT_EQ(broken_text(result).find("\"ledger stall\" at height 50 never began") != std::string::npos,
               *optional == '\0');
   }

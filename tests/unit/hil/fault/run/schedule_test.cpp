@@ -21,7 +21,7 @@ class Faulty {
       EXPECT_TRUE(fault.ok()) << fault.error().message;
       faults.push_back(*fault);
     }
-    schedule = std::make_unique<FaultSchedule>(std::move(*FaultSchedule::create(std::move(faults), world->facts())));
+    schedule = std::make_unique<FaultSchedule>(std::move(*FaultSchedule::create(std::move(faults), world->drones())));
   }
   void fly_to(double t_s) {
     while (world->now() < from_seconds(t_s)) {
@@ -40,7 +40,7 @@ TEST(FaultSchedule, StatesOfAnotherDroneNeedAnotherDrone) {
     config.drones = drones;
     const auto world = SimulatedWorld::create(config);
     const auto made =
-        FaultSchedule::create({*parse_fault("sdk tello1 states other 30%", "path", "")}, (*world)->facts());
+        FaultSchedule::create({*parse_fault("sdk tello1 states other 30%", "path", "")}, (*world)->drones());
     return made ? std::string() : made.error().message;
   };
   EXPECT_NE(refused(1).find("tello1 flies alone"), std::string::npos);
@@ -65,9 +65,9 @@ TEST(FaultOverlap, TheEndOfOneLeavesTheOtherAsItIs) {
   Faulty drains({{"drone tello1 drain 10%", "100ms", "3s"}, {"drone tello1 drain 5%", "500ms", "1s"}});
   const auto drained = [&](double from_s, double to_s) {
     drains.fly_to(from_s);
-    const double before = drains.world->facts()[0].truth.battery;
+    const double before = drains.world->drones()[0].truth.battery;
     drains.fly_to(to_s);
-    return before - drains.world->facts()[0].truth.battery;
+    return before - drains.world->drones()[0].truth.battery;
   };
   EXPECT_NEAR(drained(0.6, 1.4), 0.8 * 0.15, 0.005);
   EXPECT_NEAR(drained(1.6, 2.6), 0.1, 0.005);
@@ -76,8 +76,8 @@ TEST(FaultOverlap, TheEndOfOneLeavesTheOtherAsItIs) {
   Faulty one({{"wind 2 0 0", "takeoff", "3s"}}),
       both({{"wind 2 0 0", "takeoff", "3s"}, {"wind 0 0 0", "takeoff + 1s", "500ms"}}), calm({});
   for (Faulty* run : {&one, &both, &calm}) run->fly_to(6);
-  EXPECT_EQ(one.world->facts()[0].truth.position_m, both.world->facts()[0].truth.position_m);
-  EXPECT_NE(one.world->facts()[0].truth.position_m, calm.world->facts()[0].truth.position_m);
+  EXPECT_EQ(one.world->drones()[0].truth.position_m, both.world->drones()[0].truth.position_m);
+  EXPECT_NE(one.world->drones()[0].truth.position_m, calm.world->drones()[0].truth.position_m);
 }
 
 TEST(FaultOverlap, ARestartEndsNoCut) {
@@ -95,11 +95,11 @@ TEST(FaultOverlap, ARestartEndsNoCut) {
 TEST(FaultClock, AJumpShorterThanStampsMayBeOffLosesNoPose) {
   for (const char* jump : {"clock jump 3ms", "clock jump 20ms", "clock jump -20ms", "clock jump -900ms"}) {
     Faulty run({{jump, "flying + 500ms", ""}});
-    while (run.world->facts()[0].phase != FlightPhase::flying) run.fly_to(to_seconds(run.world->now()) + 0.1);
+    while (run.world->drones()[0].phase != FlightPhase::flying) run.fly_to(to_seconds(run.world->now()) + 0.1);
     const double begin_s = to_seconds(run.world->now());
     for (double t_s = begin_s; t_s < begin_s + 2; t_s += 0.01) {
       run.fly_to(t_s);
-      const DroneFacts& drone = run.world->facts()[0];
+      const DroneObservation& drone = run.world->drones()[0];
       ASSERT_NE(drone.cause, FailsafeCause::pose_lost) << jump << " " << t_s;
       ASSERT_LE(run.world->now() - drone.pose->stamp_ns, 30 * ns_per_ms) << jump << " " << t_s;
       ASSERT_LE(drone.pose->stamp_ns, run.world->now()) << jump << " " << t_s;
@@ -126,10 +126,10 @@ TEST(FaultOverlap, AnExcuseEndsFiveSecondsBehindTheFault) {
   Faulty run({{"drone tello2 to loss 1%", "1s", "2s"}, {"drone tello1 kick 0 0 0", "2s", ""}}, config);
   run.fly_to(8.5);
   for (const auto& [t_s, pushed, deafened] : {std::tuple(6.9, true, true), {7.5, false, true}, {8.2, false, false}}) {
-    EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).pushed, pushed) << t_s;
-    EXPECT_FALSE(run.schedule->effect_on(0, from_seconds(t_s)).deafened) << t_s;
-    EXPECT_EQ(run.schedule->effect_on(1, from_seconds(t_s)).deafened, deafened) << t_s;
-    EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(t_s)).pushed) << t_s;
+    EXPECT_EQ(run.schedule->excuse_of(0, from_seconds(t_s)).physical, pushed) << t_s;
+    EXPECT_FALSE(run.schedule->excuse_of(0, from_seconds(t_s)).deaf) << t_s;
+    EXPECT_EQ(run.schedule->excuse_of(1, from_seconds(t_s)).deaf, deafened) << t_s;
+    EXPECT_FALSE(run.schedule->excuse_of(1, from_seconds(t_s)).physical) << t_s;
   }
 }
 
@@ -137,7 +137,7 @@ TEST(FaultOverlap, ALinkThatIsBackExcusesTheDroneForOneSecond) {
   Faulty run({{"link kill", "1s", "2s"}});
   run.fly_to(5);
   for (const auto& [t_s, excused] : {std::pair(1.5, true), {3.9, true}, {4.2, false}})
-    EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).deafened, excused) << t_s;
+    EXPECT_EQ(run.schedule->excuse_of(0, from_seconds(t_s)).deaf, excused) << t_s;
 }
 
 TEST(FaultOverlap, ACutThatWasAskedForExcusesItsDroneForGood) {
@@ -145,11 +145,11 @@ TEST(FaultOverlap, ACutThatWasAskedForExcusesItsDroneForGood) {
   config.drones = 2;
   Faulty run({{"operator cut tello2", "2s", ""}, {"operator stop tello1", "2s", ""}}, config);
   run.fly_to(1.9);
-  EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(1.9)).cut);
+  EXPECT_FALSE(run.schedule->excuse_of(1, from_seconds(1.9)).cut);
   run.fly_to(3);
-  EXPECT_TRUE(run.schedule->effect_on(1, from_seconds(60)).cut);
-  EXPECT_FALSE(run.schedule->effect_on(0, from_seconds(3)).cut);
-  EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(60)).pushed);
+  EXPECT_TRUE(run.schedule->excuse_of(1, from_seconds(60)).cut);
+  EXPECT_FALSE(run.schedule->excuse_of(0, from_seconds(3)).cut);
+  EXPECT_FALSE(run.schedule->excuse_of(1, from_seconds(60)).physical);
 }
 
 TEST(FaultOverlap, TwoBiasesAddUp) {
@@ -158,7 +158,7 @@ TEST(FaultOverlap, TwoBiasesAddUp) {
     bool seen = false;
     while (run.world->now() < 10 * ns_per_s) {
       run.fly_to(to_seconds(run.world->now()) + 0.01);
-      const FailsafeCause cause = run.world->facts()[0].cause;
+      const FailsafeCause cause = run.world->drones()[0].cause;
       seen = seen || cause == FailsafeCause::battery_critical;
     }
     return seen;

@@ -26,7 +26,7 @@ ReadDay days_of(const std::string& table) {
 TEST(RecordedDay, GoesEvenlyFromOneDelayToTheNextAndRoundAtItsEnd) {
   const Day recorded = day("0,0.010\n0.1,0.030\n0.2,0.020\n");
   EXPECT_EQ(recorded->length_ns(), 300 * ms);
-  EXPECT_FALSE(recorded->loses());
+  EXPECT_FALSE(recorded->has_losses());
   for (const auto& [at, delay] :
        {std::pair(0, 10), {50, 20}, {100, 30}, {150, 25}, {200, 20}, {299, 20}, {300, 10}, {650, 20}})
     EXPECT_EQ(recorded->at(at * ms).delay_ns, delay * ms) << at;
@@ -34,7 +34,7 @@ TEST(RecordedDay, GoesEvenlyFromOneDelayToTheNextAndRoundAtItsEnd) {
 
 TEST(RecordedDay, IsLostFromALostMomentUntilTheNextOne) {
   const Day recorded = day("0.0,0.010\n0.1,lost\n0.2,0.020\n0.3,0.020\n");
-  EXPECT_TRUE(recorded->loses());
+  EXPECT_TRUE(recorded->has_losses());
   EXPECT_EQ(recorded->at(99 * ms).delay_ns, 10 * ms) << "before a loss the last delay holds";
   for (const auto& [at, lost] : {std::pair(99, false), {100, true}, {199, true}, {200, false}, {500, true}})
     EXPECT_EQ(recorded->at(at * ms).lost, lost) << at;
@@ -159,7 +159,7 @@ class PlayedDay : public ::testing::Test {
     return due;
   }
   EmulatedLink link{EmulatedLink::Kind::datagrams, 1};
-  const ReadDay read = reading_days_once(days_of("0,0.010\n0.1,0.030\n0.2,lost\n0.3,0.020\n"));
+  const ReadDay read = reading_once<Day>(days_of("0,0.010\n0.1,0.030\n0.2,lost\n0.3,0.020\n"));
 };
 
 TEST_F(PlayedDay, BeginsWhenTheLinkIsUsedFirst) {

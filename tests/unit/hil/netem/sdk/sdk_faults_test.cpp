@@ -157,8 +157,8 @@ TEST(SdkFaults, OfManyOpenCommandsTheOldestAreForgotten) {
     EXPECT_TRUE(calls.command(0, "word" + std::to_string(i), i));
   EXPECT_FALSE(calls.command(0, "rc 0 0 0 0"));
   EXPECT_FALSE(calls.command(0, " \r\n"));
-  for (std::size_t i = 2; i < OpenCalls::max_open + 2; ++i) EXPECT_EQ(calls.take(0, "ok")->tag, i);
-  EXPECT_FALSE(calls.take(0, "ok"));
+  for (std::size_t i = 2; i < OpenCalls::max_open + 2; ++i) EXPECT_EQ(calls.match(0, "ok")->tag, i);
+  EXPECT_FALSE(calls.match(0, "ok"));
 }
 
 TEST(SdkFaults, TwiceComesAgainAfterItsTime) {

@@ -1,4 +1,4 @@
-#include "hil/shim/scripted/scripted_agent.hpp"
+#include "hil/shim/scripted_agent.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "hil/shim/scripted/scripted_agent.hpp"
+#include "hil/shim/scripted_agent.hpp"
 
 #include <gtest/gtest.h>
 
@@ -66,11 +66,11 @@ TEST_F(Scripted, TakesEachTransitionOnceAndSaysSo) {
   first.drone = 1;
   first.boot_id = 7;
   first.number = 1;
-  agent.take(first);
-  agent.take(first);
+  agent.add(first);
+  agent.add(first);
   Transition third = first;
   third.number = 3;
-  agent.take(third);
+  agent.add(third);
   EXPECT_EQ(agent.transitions().size(), 1U);
   const auto& said = agent.step(0, drones);
   ASSERT_EQ(said.heartbeats.size(), 1U);
