@@ -5,7 +5,7 @@
 
 #include "common/msg/ros.hpp"
 #include "common/verification/control_records.hpp"
-#include "ground/mission/drone_now.hpp"
+#include "ground/mission/check.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -442,7 +442,7 @@ std::vector<ground::PilotCommand> MissionStation::step(TimeNs now, const ground:
   if (!run_ || !said_) return {};
   auto commands = run_->step(now, ground::mission::drones_now(core)).commands;
   if (!run_->awaits_check()) return commands;
-  run_->go_on(allowed(run_->rest(), core));
+  run_->resume_after_check(allowed(run_->rest(), core));
   return commands;
 }
 
