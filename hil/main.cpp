@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "common/program/command_line.hpp"
+#include "common/program/command_socket.hpp"
 #include "common/program/program.hpp"
-#include "common/program/socket/command_socket.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "ground/shell/course_file.hpp"

@@ -7,7 +7,7 @@
 
 #include "chaincode/contract/stub.hpp"
 #include "common/access/identity.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
 

@@ -22,7 +22,6 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 
 namespace {
 

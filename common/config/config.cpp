@@ -11,7 +11,7 @@
 #include <set>
 #include <sstream>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline {
 namespace {

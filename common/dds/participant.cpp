@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "common/base/files/private_file.hpp"
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/domain.hpp"

@@ -3,8 +3,10 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,6 +21,7 @@
 #include <string_view>
 
 namespace ledgerline {
+
 namespace {
 
 constexpr std::size_t max_line = 1 << 20;
@@ -273,6 +276,48 @@ std::string Children::log_tail(const std::string& name, int lines) const {
   std::string text;
   for (const auto& line : last) text += "  " + line + "\n";
   return text;
+}
+
+namespace {
+
+constexpr int lowest = 19;
+constexpr unsigned slice_ns = 100'000;
+
+}  // namespace
+
+bool enter_scheduling(Scheduling scheduling) noexcept {
+  if (scheduling == Scheduling::inherited) return true;
+  errno = 0;
+  const int nice = ::getpriority(PRIO_PROCESS, 0);  // -1 is a good answer, too
+  if (nice == -1 && errno != 0) return false;
+  SchedulingAttributes attributes;
+  attributes.policy = scheduling == Scheduling::background ? SCHED_BATCH : SCHED_OTHER;
+  attributes.nice = scheduling == Scheduling::background ? lowest : nice;
+  attributes.runtime = scheduling == Scheduling::short_slices ? slice_ns : 0;  // 0: the kernel's own
+  return ::syscall(SYS_sched_setattr, 0, &attributes, 0) == 0;
+}
+
+std::string find_program(std::string_view name, std::string_view also_in) {
+  const char* path = std::getenv("PATH");
+  for (const std::string_view among : {std::string_view(path ? path : ""), also_in}) {
+    std::istringstream folders{std::string(among)};
+    for (std::string folder; std::getline(folders, folder, ':');) {
+      const std::string file = fmt::format("{}/{}", folder.empty() ? "." : folder, name);
+      if (::access(file.c_str(), X_OK) == 0) return file;
+    }
+  }
+  return {};
+}
+
+std::optional<TimeNs> Restarts::ended(TimeNs now) {
+  while (!recent_.empty() && now - recent_.front() > limits_.within) recent_.pop_front();
+  if (recent_.size() >= static_cast<std::size_t>(limits_.max_restarts)) return std::nullopt;
+  TimeNs wait = limits_.first_wait;
+  for (std::size_t i = 0; i < recent_.size() && wait < limits_.max_wait; ++i) wait *= 2;
+  wait = std::min(wait, limits_.max_wait);
+  recent_.push_back(now);
+  ++count_;
+  return now + static_cast<TimeNs>(static_cast<double>(wait) * (0.5 + random_.uniform() / 2));
 }
 
 }  // namespace ledgerline

@@ -18,7 +18,6 @@
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/rt/mailbox.hpp"
 #include "common/verification/client.hpp"
 #include "common/verification/control_events.hpp"

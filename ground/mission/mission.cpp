@@ -7,7 +7,7 @@
 #include <iterator>
 #include <set>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::ground::mission {
 namespace {

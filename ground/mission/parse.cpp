@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "ground/json/strict.hpp"
 #include "ground/motion/csv.hpp"
 

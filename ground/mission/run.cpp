@@ -6,7 +6,7 @@
 #include <array>
 
 #include "common/base/enum_count.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::ground::mission {
 namespace {

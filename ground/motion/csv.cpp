@@ -4,7 +4,7 @@
 
 #include <charconv>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::motion {
 namespace {

@@ -8,7 +8,7 @@
 #include "common/dds/dds.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/program/recorder.hpp"
+#include "common/program/program.hpp"
 #include "ground/channel/channel.hpp"
 #include "ground/core/flight_view.hpp"
 #include "ground/shell/certificates.hpp"

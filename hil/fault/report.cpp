@@ -7,7 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
 #include "common/rt/histogram_json.hpp"

@@ -7,7 +7,7 @@
 #include <map>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {

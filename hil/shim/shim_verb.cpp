@@ -9,14 +9,12 @@
 #include <ctime>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/config/config.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/settings.hpp"
 #include "hil/shim/scripted/scripted_agent.hpp"

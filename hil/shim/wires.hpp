@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 #include "hil/shim/drone_ways.hpp"
 #include "onboard/shim/drones_end.hpp"
 #include "sim/shell/drone_wire.hpp"

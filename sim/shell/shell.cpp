@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/ros.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/trace.hpp"
 #include "sim/core/simulator.hpp"
 #include "sim/shell/drone_sockets.hpp"

@@ -15,7 +15,6 @@
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"
 #include "common/verification/client.hpp"

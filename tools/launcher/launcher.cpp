@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "sim/core/pads.hpp"
 #include "tools/checks/shell/host_probe.hpp"

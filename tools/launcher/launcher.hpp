@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "common/process/children.hpp"
-#include "common/process/restarts.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/live.hpp"
 #include "tools/launcher/options.hpp"

@@ -10,9 +10,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"

@@ -8,8 +8,6 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/secrets.hpp"
-#include "common/program/stop_signals.hpp"
 #include "ground/mission/mission.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"

@@ -10,7 +10,6 @@
 #include <thread>
 
 #include "common/process/children.hpp"
-#include "common/process/find_program.hpp"
 #include "common/process/usage.hpp"
 #include "common/rt/loop_ticker.hpp"
 #include "tools/timing/figures.hpp"

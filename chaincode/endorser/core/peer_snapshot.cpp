@@ -8,8 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/files/byte_reader.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/unhex.hpp"
 #include "common/fabric/tx/form.hpp"

@@ -3,7 +3,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/base/files/byte_reader.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::endorser {
 namespace {

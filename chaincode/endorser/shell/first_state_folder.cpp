@@ -3,7 +3,7 @@
 #include <string_view>
 #include <utility>
 
-#include "common/base/files/owned_folder.hpp"
+#include "common/base/file.hpp"
 
 namespace ledgerline::endorser {
 namespace {

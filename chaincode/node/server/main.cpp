@@ -8,7 +8,6 @@
 #include "common/fabric/serving/tls_server.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/rt/histogram_json.hpp"
 
 namespace {

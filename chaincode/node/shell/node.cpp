@@ -5,7 +5,6 @@
 
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/node/core/tx/proposal.hpp"
-#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"

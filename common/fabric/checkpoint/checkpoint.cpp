@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/unhex.hpp"
 

@@ -2,7 +2,7 @@
 
 #include <map>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/receipt/answer.hpp"
 #include "common/fabric/receipt/receipt.hpp"

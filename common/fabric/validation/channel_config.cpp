@@ -8,7 +8,7 @@
 #include <cmath>
 #include <optional>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "common/configuration.pb.h"

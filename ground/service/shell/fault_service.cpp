@@ -5,7 +5,7 @@
 #include <iterator>
 
 #include "common/base/log.hpp"
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 namespace ledgerline::ground::service {
 namespace {

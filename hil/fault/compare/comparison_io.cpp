@@ -9,7 +9,7 @@
 #include <set>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::hil::comparing {
 namespace {

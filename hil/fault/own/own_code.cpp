@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <utility>
 
-#include "common/base/printable.hpp"
-#include "common/process/find_program.hpp"
+#include "common/base/text.hpp"
+#include "common/process/children.hpp"
 #include "ground/plugin/plugin.hpp"
 #include "hil/fault/own/sdk_flight.hpp"
 #include "hil/sitl/world_setup.hpp"

@@ -19,7 +19,7 @@
 #include <iterator>
 #include <map>
 
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 namespace ledgerline::hil {
 namespace {

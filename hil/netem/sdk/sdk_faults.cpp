@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "hil/netem/distribution.hpp"
 #include "hil/netem/sdk/calls.hpp"
 #include "hil/netem/text_parse.hpp"

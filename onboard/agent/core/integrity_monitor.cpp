@@ -1,6 +1,6 @@
 #include "onboard/agent/core/integrity_monitor.hpp"
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::agent {
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/fabric/renewal/certificate_watch.hpp"
-#include "common/program/recorder.hpp"
-#include "common/program/service/service_manager.hpp"
+#include "common/program/program.hpp"
+#include "common/program/service_manager.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
 namespace ledgerline::agent {

@@ -10,8 +10,6 @@
 #include "common/fabric/config.hpp"
 #include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
-#include "common/program/shared_tables.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/verification/client.hpp"
 #include "onboard/agent/shell/agent.hpp"
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "common/program/recorder.hpp"
+#include "common/program/program.hpp"
 #include "onboard/agent/shell/ledger_follower.hpp"
 #include "onboard/agent/shell/mocap_input.hpp"
 #include "onboard/ipc/ipc.hpp"

@@ -18,7 +18,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "common/base/disk_space.hpp"
+#include "common/base/file.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/shared_memory.hpp"
 

@@ -9,7 +9,6 @@
 #include <cstring>
 
 #include "common/base/file.hpp"
-#include "common/base/files/private_file.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/validation/channel_config.hpp"
 

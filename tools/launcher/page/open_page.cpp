@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "common/base/file.hpp"
-#include "common/process/find_program.hpp"
+#include "common/process/children.hpp"
 
 namespace ledgerline::fly {
 namespace {

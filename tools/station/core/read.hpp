@@ -5,8 +5,8 @@
 #include <string>
 #include <string_view>
 
-#include "common/base/printable.hpp"
 #include "common/base/result.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::station {
 

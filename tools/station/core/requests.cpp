@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "ground/mission/mission.hpp"
 #include "ground/motion/csv.hpp"
 #include "tools/station/core/place.hpp"

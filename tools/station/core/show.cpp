@@ -7,7 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "tools/station/core/read.hpp"
 
 namespace ledgerline::station {

@@ -8,7 +8,7 @@
 #include <ctime>
 #include <thread>
 
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 
 namespace ledgerline::station {
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "tools/station/core/show.hpp"
 
 namespace ledgerline::status {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 

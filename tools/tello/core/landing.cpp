@@ -1,6 +1,6 @@
 #include "tools/tello/core/landing.hpp"
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::tello {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "common/base/ipv4.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::tello {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "common/base/ipv4.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::tello {
 namespace {

@@ -11,15 +11,14 @@
 #include <memory>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "common/process/children.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/checks/shell/host_probe.hpp"

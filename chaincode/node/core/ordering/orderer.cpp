@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "chaincode/node/core/tx/proposal.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/msg/contract.hpp"
 #include "msp/identities.pb.h"

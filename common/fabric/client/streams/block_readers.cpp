@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
 #include "peer/lifecycle/lifecycle.pb.h"

@@ -1,4 +1,4 @@
-#include "common/base/disk_space.hpp"
+#include "common/base/file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -72,7 +72,7 @@ TEST(Troubleshooting, HasWhyAnEndorserDoesNotBeginWithASnapshot) {
   const std::regex refusal(R"re((?:wrong\(|Error\{)[^"]*"(?:\{\}: )?([^"{]{6,}))re");
   std::size_t count = 0;
   for (const char* file : {"core/peer_snapshot.cpp", "core/first_state.cpp", "shell/first_state_folder.cpp",
-                           "../../common/base/files/owned_folder.cpp"}) {
+                           "../../common/base/file.cpp"}) {
     const std::string code = *read_file(source / "chaincode/endorser" / file);
     for (std::sregex_iterator match(code.begin(), code.end(), refusal), end; match != end; ++match, ++count)
       EXPECT_THAT(text, HasSubstr("`" + (*match)[1].str() + "`")) << file;

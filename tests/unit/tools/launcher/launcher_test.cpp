@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::fly {

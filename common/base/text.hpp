@@ -1,9 +1,23 @@
 #pragma once
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <string_view>
 
+#include "common/base/result.hpp"
+
 namespace ledgerline {
+
+/// Makes text from outside printable, for logs, refusals and terminals: one line of valid UTF-8, at most `max_size`
+/// bytes; whatever cannot be printed becomes "?". (Nothing to do with encryption.)
+std::string printable(std::string_view text, std::size_t max_size = 1'000);
+
+/// As it stands in an element or an attribute of XML; a control but a newline becomes a space.
+std::string xml_text(std::string_view text);
+
+/// Of "192.168.10.1"; fails with words for a person.
+Result<std::uint32_t> parse_ipv4(const std::string& text);
+std::string ipv4_text(std::uint32_t address);
 
 /// What readers of a binary format take its numbers and texts from. Once something is missing all that follows is
 /// empty.

@@ -1,6 +1,10 @@
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
 
 namespace ledgerline {
+
 namespace {
 
 // Bytes of the UTF-8 character (RFC 3629) at the front, which is not empty; 0: it is none.
@@ -60,6 +64,16 @@ std::string xml_text(std::string_view text) {
       out += c;
   }
   return out;
+}
+
+Result<std::uint32_t> parse_ipv4(const std::string& text) {
+  in_addr address{};
+  if (::inet_pton(AF_INET, text.c_str(), &address) != 1) return Error{fmt::format("'{}' is no IPv4 address", text)};
+  return ntohl(address.s_addr);
+}
+
+std::string ipv4_text(std::uint32_t address) {
+  return fmt::format("{}.{}.{}.{}", address >> 24, (address >> 16) & 255, (address >> 8) & 255, address & 255);
 }
 
 }  // namespace ledgerline
