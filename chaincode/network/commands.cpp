@@ -20,7 +20,7 @@ class Lanes {
         logs_(std::move(logs)),
         next_(lanes.size(), 0),
         since_ns_(lanes.size(), 0),
-        children_({[this](const std::string& name, const std::string& line) { output_[name] += line + "\n"; }}) {}
+        children_([this](const std::string& name, const std::string& line) { output_[name] += line + "\n"; }) {}
 
   Result<std::vector<std::string>> run() {
     for (std::size_t lane = 0; lane < lanes_.size(); ++lane) {
@@ -55,11 +55,11 @@ class Lanes {
   Status advance(std::size_t lane) {
     const Command& command = lanes_[lane][next_[lane]];
     const std::string name = name_of(lane);
-    if (children_.running(name)) {
+    if (children_.is_running(name)) {
       if (monotonic_ns() - since_ns_[lane] < each_command_limit_ns) return done;
       return Error{fmt::format("{}: no end after {:.0f} s", command.what, to_seconds(each_command_limit_ns))};
     }
-    if (!children_.ended_well(name)) {
+    if (!children_.has_succeeded(name)) {
       return Error{fmt::format("{} {}. The end of {}:\n{}", command.what, children_.how_it_ended(name), logs_[lane],
                                children_.log_tail(name, lines_of_a_failure))};
     }

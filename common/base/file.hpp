@@ -2,6 +2,7 @@
 #include <sys/stat.h>
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -51,17 +52,10 @@ class OwnedFolder {
 /// a missing directory count as zero.
 std::uint64_t bytes_below(const std::string& directory);
 
-/// Of the file system where `path` is, or would be made.
-struct Room {
-  std::uint64_t free_bytes = 0;  ///< to this user
-  std::uint64_t all_bytes = 0;
-};
-Result<Room> room_at(const std::string& path);
-Result<std::uint64_t> free_bytes(const std::string& path);
+/// The file system's where `path` is, or would be made.
+Result<std::filesystem::space_info> space_at(const std::string& path);
 
-/// An error that names the place and both figures when fewer bytes are free than needed.
-Status enough_space(const std::string& path, std::uint64_t free, std::uint64_t needed, const std::string& for_what);
-/// The same, looking at the place.
+/// An error that names the path and both sizes when fewer bytes are free there than needed.
 Status check_space(const std::string& path, std::uint64_t needed, const std::string& for_what);
 
 }  // namespace ledgerline

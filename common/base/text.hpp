@@ -26,15 +26,15 @@ class ByteReader {
   explicit ByteReader(std::string_view bytes) : left_(bytes) {}
 
   /// False: from here on nothing more is given.
-  void expect(bool holds) { whole_ = whole_ && holds; }
-  bool whole() const { return whole_; }
+  void expect(bool holds) { is_whole_ = is_whole_ && holds; }
+  bool is_whole() const { return is_whole_; }
   bool at_end() const { return left_.empty(); }
   std::size_t left() const { return left_.size(); }
 
  protected:
-  std::string_view take(std::uint64_t size) {
+  std::string_view read(std::uint64_t size) {
     expect(size <= left_.size());
-    if (!whole_) return {};
+    if (!is_whole_) return {};
     const std::string_view taken = left_.substr(0, size);
     left_.remove_prefix(size);
     return taken;
@@ -42,7 +42,7 @@ class ByteReader {
 
  private:
   std::string_view left_;
-  bool whole_ = true;
+  bool is_whole_ = true;
 };
 
 }  // namespace ledgerline

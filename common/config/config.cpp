@@ -319,14 +319,14 @@ std::string Config::table_text(const std::string& key, std::initializer_list<std
   return out.str();
 }
 
-void Config::left_to_another(const Key& table) {
+void Config::skip_table(const Key& table) {
   state_->describe(table, "table", "none", "");
   if (const toml::node* node = state_->find(table.name)) state_->take_all(*node, table.name);
 }
 
 void Config::wrong(const std::string& key, const std::string& what) { state_->problem(state_->find(key), key, what); }
 
-bool Config::describes() const { return state_->describing; }
+bool Config::is_describing() const { return state_->describing; }
 
 std::vector<KeyDescription> Config::described() const { return state_->described; }
 

@@ -178,7 +178,7 @@ void Children::read_output(Child& child) {
     child.partial.append(buffer, static_cast<std::size_t>(n));
     std::size_t start = 0;
     for (std::size_t end; (end = child.partial.find('\n', start)) != std::string::npos; start = end + 1) {
-      if (handlers_.on_line) handlers_.on_line(child.program.name, child.partial.substr(start, end - start));
+      if (on_line_) on_line_(child.program.name, child.partial.substr(start, end - start));
     }
     child.partial.erase(0, start);
     if (child.partial.size() > max_line) child.partial.clear();
@@ -211,14 +211,14 @@ void Children::poll(TimeNs timeout_ns) {
   for (Child& child : children_) reap(child);
 }
 
-bool Children::running(const std::string& name) const {
+bool Children::is_running(const std::string& name) const {
   const Child* child = find(name);
   return child && !child->ended;
 }
 
-pid_t Children::pid(const std::string& name) const { return running(name) ? find(name)->pid : 0; }
+pid_t Children::pid(const std::string& name) const { return is_running(name) ? find(name)->pid : 0; }
 
-bool Children::ended_well(const std::string& name) const {
+bool Children::has_succeeded(const std::string& name) const {
   const Child* child = find(name);
   return child && child->ended && WIFEXITED(child->status) && WEXITSTATUS(child->status) == 0;
 }
@@ -244,13 +244,13 @@ void Children::signal_group(const std::string& name, int signal) {
 }
 
 bool Children::stop(const std::string& name, TimeNs timeout_ns) {
-  if (!running(name)) return true;
+  if (!is_running(name)) return true;
   signal(name, SIGTERM);
   const TimeNs until_ns = monotonic_ns() + timeout_ns;
-  while (running(name) && monotonic_ns() < until_ns) poll(10 * ns_per_ms);
-  if (!running(name)) return true;
+  while (is_running(name) && monotonic_ns() < until_ns) poll(10 * ns_per_ms);
+  if (!is_running(name)) return true;
   signal(name, SIGKILL);
-  while (running(name)) poll(10 * ns_per_ms);
+  while (is_running(name)) poll(10 * ns_per_ms);
   return false;
 }
 

@@ -54,11 +54,9 @@ class Children {
     std::vector<std::string> environment = {};  ///< "NAME=value", beside the launcher's own
     Scheduling scheduling = Scheduling::inherited;
   };
-  struct Handlers {
-    std::function<void(const std::string& name, const std::string& line)> on_line;
-  };
+  using OnLine = std::function<void(const std::string& name, const std::string& line)>;
 
-  explicit Children(Handlers handlers) : handlers_(std::move(handlers)) {}
+  explicit Children(OnLine on_line) : on_line_(std::move(on_line)) {}
   ~Children();  ///< kills what still runs
   Children(const Children&) = delete;
   Children& operator=(const Children&) = delete;
@@ -66,12 +64,12 @@ class Children {
   Status start(const Program& program);
   /// Waits up to `timeout_ns` for output or the end of a child, and reads both.
   void poll(TimeNs timeout_ns);
-  bool running(const std::string& name) const;
+  bool is_running(const std::string& name) const;
   /// 0 when it does not run.
   pid_t pid(const std::string& name) const;
   /// "ended with exit code 1", "was ended by signal 11 (Segmentation fault)"; empty while it runs or if it never did.
   std::string how_it_ended(const std::string& name) const;
-  bool ended_well(const std::string& name) const;
+  bool has_succeeded(const std::string& name) const;
   void signal(const std::string& name, int signal);
   /// To all that this child started and that stayed in its process group, also after it has ended by itself.
   void signal_group(const std::string& name, int signal);
@@ -102,7 +100,7 @@ class Children {
   void read_output(Child& child);
   void reap(Child& child);
 
-  Handlers handlers_;
+  OnLine on_line_;
   std::vector<Child> children_;
   std::vector<std::string> names_;
 };

@@ -36,7 +36,7 @@ class Option {
   Option& needs(const Option& other);
   Option& excludes(const Option& other);
 
-  bool given() const;
+  bool is_given() const;
 
  private:
   CLI::Option* option_;
@@ -53,7 +53,7 @@ class Arguments {
   /// "!--no-x" makes `value` false.
   Option flag(const std::string& name, bool& value, const std::string& help);
   /// After the parsing: was this option there?
-  bool given(const std::string& option) const;
+  bool is_given(const std::string& option) const;
 
  protected:
   explicit Arguments(CLI::App* app) : app_(app) {}
@@ -63,8 +63,8 @@ class Arguments {
 class Verb : public Arguments {
  public:
   explicit Verb(CLI::App* app) : Arguments(app) {}
-  using Arguments::given;
-  bool given() const;
+  using Arguments::is_given;
+  bool is_given() const;
   std::string name() const;
 };
 

@@ -379,7 +379,7 @@ int main(int argc, char** argv) {
   if (const auto end = line.parse(argc, argv)) return *end;
   if (options.live) catch_stop_signals();
   for (const Verb& verb : verbs) {
-    if (verb.given()) options.function = verb.name();
+    if (verb.is_given()) options.function = verb.name();
   }
   return exit_code(call_contract(options));
 }

@@ -363,7 +363,7 @@ Status ShimVerb::read() {
   if (memory_.empty() && address_.empty()) return Error{"--memory FILE is needed (or --plans with --udp)"};
   if (!plans_.empty() && !faults_file_.empty()) return Error{"--script: with --plans its file has the [[fault]]s"};
   for (const char* option : {"--trace", "--drones", "--mocap-hz", "--config"}) {
-    if (!plans_.empty() && verb_.given(option))
+    if (!plans_.empty() && verb_.is_given(option))
       return Error{fmt::format("{}: does nothing with --plans, whose file has the drones and whose poses are the truth",
                                option)};
   }

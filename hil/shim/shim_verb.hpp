@@ -13,7 +13,7 @@ class ShimVerb {
   static const char* const about;
 
   explicit ShimVerb(Verb verb);
-  bool given() const { return verb_.given(); }
+  bool is_given() const { return verb_.is_given(); }
   /// The exit code.
   int run();
 

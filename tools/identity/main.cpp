@@ -300,7 +300,7 @@ int main(int argc, char** argv) {
   status.flag("--json", options.json, "as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
   for (const Verb& verb : {enroll, renew, revoke, status}) {
-    if (verb.given()) return run(options, verb.name());
+    if (verb.is_given()) return run(options, verb.name());
   }
   return exit_usage;
 }

@@ -98,7 +98,7 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       interrupts_(interrupts),
       live_(drone_names(options_), terminal, monotonic_ns()),
       preflight_(options_),
-      children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
+      children_([this](const std::string& name, const std::string& line) { take_line(name, line); }),
       ledger_(ledger_program(options_)),
       controller_(controller_program(options_)),
       all_programs_(programs_of(options_)) {
@@ -146,7 +146,7 @@ void Launcher::tell_page(const std::string& url) {
 }
 
 void Launcher::ended_early(const std::string& name) {
-  if (!children_.ended_well(name)) record_.ended_early.emplace_back(name, children_.how_it_ended(name));
+  if (!children_.has_succeeded(name)) record_.ended_early.emplace_back(name, children_.how_it_ended(name));
 }
 
 std::string Launcher::crash_of(const std::string& name, const std::string& when) const {
@@ -166,7 +166,7 @@ Status Launcher::start(const std::string& name, std::vector<std::string> argumen
 Status Launcher::goes_well_so_far() const {
   if (interrupts_ > 0) return Error{"interrupted before take-off"};
   for (const std::string& name : children_.names()) {
-    if (children_.running(name) || children_.ended_well(name)) continue;
+    if (children_.is_running(name) || children_.has_succeeded(name)) continue;
     return Error{name == controller_ ? ground_why() : crash_of(name, "before take-off")};
   }
   return done;
@@ -178,7 +178,7 @@ Status Launcher::wait_ready(const std::vector<std::string>& names) {
   for (const std::string& name : names) {
     while (!ready_.contains(name)) {
       if (auto s = goes_well_so_far(); !s) return s;
-      if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
+      if (!children_.is_running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
       if (monotonic_ns() > until_ns) {
         return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name, to_seconds(limit_ns),
                                  files_.log(name), children_.log_tail(name, log_lines))};
@@ -192,13 +192,13 @@ Status Launcher::wait_ready(const std::vector<std::string>& names) {
 Status Launcher::run_to_end(const std::string& name, std::vector<std::string> arguments) {
   if (auto status = start(name, std::move(arguments)); !status) return status;
   const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
-  while (children_.running(name)) {
+  while (children_.is_running(name)) {
     if (interrupts_ > 0) return Error{"interrupted before take-off"};
     if (monotonic_ns() > until_ns)
       return Error{fmt::format("{} did not end within {:.0f} s", name, to_seconds(ready_limit_ns))};
     children_.poll(watch_ns);
   }
-  if (!children_.ended_well(name)) return Error{crash_of(name, "before take-off")};
+  if (!children_.has_succeeded(name)) return Error{crash_of(name, "before take-off")};
   return done;
 }
 
@@ -294,8 +294,8 @@ Status Launcher::fly() {
     const TimeNs now_ns = monotonic_ns();
     meter.take(now_ns);
     live_.show(now_ns);
-    if (!children_.running(controller_) && !controller_comes_back()) {
-      if (!children_.ended_well(controller_)) result = Error{ground_why()};
+    if (!children_.is_running(controller_) && !controller_comes_back()) {
+      if (!children_.has_succeeded(controller_)) result = Error{ground_why()};
       // Its exit code says how the flight went.
       if (children_.how_it_ended(controller_).find("signal") != std::string::npos) ended_early(controller_);
       flying = false;
@@ -307,11 +307,11 @@ Status Launcher::fly() {
     if (!options_.own) given_up.push_back("sim");
     if (options_.proxy) given_up.push_back(proxy_name);
     for (const auto& name : given_up) {
-      if (children_.running(name)) continue;
+      if (children_.is_running(name)) continue;
       ended_early(name);
       if (result) result = Error{crash_of(name, "during the flight")};
     }
-    if (options_.endorser && !endorser_gone_ && !children_.running("endorser")) {
+    if (options_.endorser && !endorser_gone_ && !children_.is_running("endorser")) {
       endorser_gone_ = true;
       ended_early("endorser");
       live_.say(fmt::format("endorser {}: the peer endorses in its place", children_.how_it_ended("endorser")));
@@ -343,7 +343,7 @@ bool Launcher::controller_comes_back() const {
 Status Launcher::supervise_onboard(TimeNs now_ns) {
   if (chunks_leaked_ && !live_.anything_in_air()) recycle_shared_memory();
   for (Onboard& one : onboard_) {
-    if (children_.running(one.name)) continue;
+    if (children_.is_running(one.name)) continue;
     if (one.start_at_ns == 0) {
       if (one.name != "link" || !std::exchange(link_given_up_, false)) ended_early(one.name);
       if (one.name == controller_ && switches_) switches_->all_off();  // nobody can switch them now
@@ -390,7 +390,7 @@ Status Launcher::start_again(const std::string& name) {
 }
 
 void Launcher::recycle_shared_memory() {
-  if (!children_.running("roudi")) return;
+  if (!children_.is_running("roudi")) return;
   chunks_leaked_ = false;
   live_.say("RouDi lost shared memory with a process that was killed: it restarts, nothing is in the air");
   children_.signal("roudi", SIGTERM);
@@ -400,25 +400,25 @@ void Launcher::recycle_shared_memory() {
 void Launcher::stop_all(bool landed) {
   switches_.reset();
   std::vector<std::string> order{controller_, "agent", "link", proxy_name, "endorser", "sim", ledger_, "roudi"};
-  if (!landed && !is_impatient() && children_.running("link") && (options_.own || children_.running("sim")) &&
+  if (!landed && !is_impatient() && children_.is_running("link") && (options_.own || children_.is_running("sim")) &&
       live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);
     const TimeNs until_ns = monotonic_ns() + landing_timeout_ns;
-    while (children_.running("link") && monotonic_ns() < until_ns && !is_impatient()) {
+    while (children_.is_running("link") && monotonic_ns() < until_ns && !is_impatient()) {
       children_.poll(watch_ns);
       live_.show(monotonic_ns());
     }
   }
   for (const auto& name : order) {
-    if (name.empty() || !children_.running(name)) continue;
+    if (name.empty() || !children_.is_running(name)) continue;
     const TimeNs timeout = name == "fabric" ? fabric_timeout_ns : is_impatient() ? ns_per_s : timeout_ns;
     const bool in_time = children_.stop(name, timeout);
     if (!in_time && !is_impatient()) {
       record_.ok = false;
       record_.why +=
           fmt::format("{}{} did not end when asked to and was killed", record_.why.empty() ? "" : "; ", name);
-    } else if (in_time && landed && !children_.ended_well(name)) {
+    } else if (in_time && landed && !children_.has_succeeded(name)) {
       record_.ok = false;
       record_.why += (record_.why.empty() ? "" : "; ") + crash_of(name, "while ending");
     }
@@ -430,8 +430,8 @@ RunRecord Launcher::run() {
   if (status) status = fly();
   record_.ok = status.ok();
   if (!status) record_.why = status.error().message;
-  stop_all(children_.ended_well(controller_));
-  if (!children_.ended_well("roudi")) remove_roudi_leftovers();
+  stop_all(children_.has_succeeded(controller_));
+  if (!children_.has_succeeded("roudi")) remove_roudi_leftovers();
   return record_;
 }
 

@@ -78,7 +78,7 @@ class Launcher {
   void write_usage(const timing::UsageRecord& usage);
   Status supervise_onboard(TimeNs now_ns);
   bool is_impatient() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
-  bool serves(const std::string& name) const { return children_.running(name) && ready_.contains(name); }
+  bool serves(const std::string& name) const { return children_.is_running(name) && ready_.contains(name); }
   bool may_start(const std::string& name) const;
   bool controller_comes_back() const;
   Status start_again(const std::string& name);

@@ -248,13 +248,13 @@ void Node::run_core() {
 
 /// What commands and stops need is kept for them before the disk is full for all.
 void Node::look_at_disk() {
-  const auto room = room_at(dir_);
+  const auto space = space_at(dir_);
   // A disk that cannot be queried cannot be written either: the error is reported where a block is written.
-  if (!room) return;
-  const bool nearly_full = room->free_bytes < std::min(kept_bytes_, room->all_bytes / 32);
+  if (!space) return;
+  const bool nearly_full = space->available < std::min(kept_bytes_, space->capacity / 32);
   if (nearly_full == nearly_full_) return;
   if (nearly_full) {
-    spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", dir_, room->free_bytes / 1'000);
+    spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", dir_, space->available / 1'000);
   } else {
     spdlog::warn("{} has room again: everything is ordered", dir_);
   }

@@ -73,10 +73,10 @@ void FaultService::run() {
   }
 }
 
-void FaultService::look() { take(tell_command(socket_, "list", fault_timeout_ns)); }
+void FaultService::look() { take(send_command(socket_, "list", fault_timeout_ns)); }
 
 void FaultService::switch_one(const FaultAsk& asked, const Answer& answer) {
-  const auto answered = tell_command(socket_, command_of(asked), fault_timeout_ns);
+  const auto answered = send_command(socket_, command_of(asked), fault_timeout_ns);
   if (!answered) return answer(refusal(503, "not switched: " + answered.error().message));
   take(answered);
   const auto what = std::find_if(list_.switches.begin(), list_.switches.end(),

@@ -141,7 +141,7 @@ DirectoryFacts look_at_folder_of(const std::string& file) {
   DirectoryFacts facts{.path = folder};
   facts.writable = ::access(folder.c_str(), W_OK | X_OK) == 0;
   facts.read_only = !facts.writable && errno == EROFS;
-  if (auto free = free_bytes(folder)) facts.free_bytes = *free;
+  if (auto space = space_at(folder)) facts.free_bytes = space->available;
   return facts;
 }
 

@@ -45,7 +45,7 @@ Result<std::string> SwitchService::act(const std::string& command) {
   if (!step) return step.error();
   if (*step) {
     switches_.tell(**step);
-    if (const auto reported = tell_command(proxy_, (*step)->line, proxy_timeout_ns); !reported) return reported.error();
+    if (const auto reported = send_command(proxy_, (*step)->line, proxy_timeout_ns); !reported) return reported.error();
     switches_.done_with(**step);
   }
   return switches_.list();
@@ -54,7 +54,7 @@ Result<std::string> SwitchService::act(const std::string& command) {
 // One that is not switched off stays on the list, and is tried again.
 void SwitchService::switch_off() {
   for (const FaultSwitches::Step& step : switches_.steps_off()) {
-    if (!tell_command(proxy_, step.line, proxy_timeout_ns)) return;
+    if (!send_command(proxy_, step.line, proxy_timeout_ns)) return;
     switches_.done_with(step);
   }
 }

@@ -156,19 +156,19 @@ Status read_records(const PreflightOptions& options, checks::FlightFacts& facts)
   if (!folder.made()) return Error{fmt::format("no folder for a moment can be made: {}", std::strerror(errno))};
   if (auto s = write_file(folder.in("ledger.toml"), network.pilot, 0600); !s) return s;
   std::string records;
-  Children children({[&records](const std::string&, const std::string& line) { records = line; }});
+  Children children([&records](const std::string&, const std::string& line) { records = line; });
   const std::string name = "control";
   const std::vector<std::string> command{options.control, "--config", folder.in("ledger.toml"), "show", "--json"};
   if (auto s = children.start({name, command, folder.in("log"), SIGKILL}); !s) return s;
-  for (const TimeNs end = monotonic_ns() + records_limit_ns; children.running(name) && !stop_requested;) {
+  for (const TimeNs end = monotonic_ns() + records_limit_ns; children.is_running(name) && !stop_requested;) {
     if (monotonic_ns() > end) break;
     children.poll(50 * ns_per_ms);
   }
-  if (children.running(name)) {
+  if (children.is_running(name)) {
     (void)children.stop(name, timeout_ns);
     return Error{fmt::format("it did not answer within {:.0f} s", to_seconds(records_limit_ns))};
   }
-  if (!children.ended_well(name)) return Error{printable(children.log_tail(name, 1))};
+  if (!children.has_succeeded(name)) return Error{printable(children.log_tail(name, 1))};
   return fly::take_records(records, self->name, facts);
 }
 
