@@ -1,4 +1,3 @@
-#include <cstdio>
 
 #include "chaincode/service/contract_stub.hpp"
 #include "common/program/command_line.hpp"

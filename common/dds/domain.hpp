@@ -2,8 +2,6 @@
 #include <dds/dds.h>
 
 #include <memory>
-#include <optional>
-#include <string>
 
 #include "common/base/result.hpp"
 #include "common/dds/settings/reach.hpp"

@@ -1,6 +1,5 @@
 #include "common/dds/node.hpp"
 
-#include <algorithm>
 #include <cstdlib>
 #include <string_view>
 

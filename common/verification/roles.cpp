@@ -1,7 +1,5 @@
 #include "common/verification/roles.hpp"
 
-#include <algorithm>
-
 #include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"

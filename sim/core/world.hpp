@@ -1,6 +1,5 @@
 #pragma once
 #include <Eigen/Geometry>
-#include <array>
 #include <memory>
 
 #include "common/base/random.hpp"

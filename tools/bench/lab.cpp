@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cctype>
 #include <csignal>
-#include <cstdio>
 #include <ctime>
 #include <optional>
 

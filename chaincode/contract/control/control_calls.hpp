@@ -1,6 +1,4 @@
 #pragma once
-#include <algorithm>
-#include <cstdint>
 #include <string>
 #include <vector>
 

@@ -1,6 +1,5 @@
 #include "chaincode/endorser/core/snapshot.hpp"
 
-#include <cstring>
 #include <utility>
 
 #include "common/base/text.hpp"

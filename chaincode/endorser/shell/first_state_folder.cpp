@@ -1,6 +1,5 @@
 #include "chaincode/endorser/shell/first_state_folder.hpp"
 
-#include <string_view>
 #include <utility>
 
 #include "common/base/file.hpp"

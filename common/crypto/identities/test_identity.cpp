@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <map>
 
 #include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"

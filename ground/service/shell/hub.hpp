@@ -1,7 +1,6 @@
 #pragma once
 #include <atomic>
 #include <deque>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <random>

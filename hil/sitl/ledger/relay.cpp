@@ -1,8 +1,5 @@
 #include "hil/sitl/ledger/relay.hpp"
 
-#include <algorithm>
-#include <utility>
-
 #include "common/access/identity.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"

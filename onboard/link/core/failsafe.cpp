@@ -1,7 +1,6 @@
 #include "onboard/link/core/failsafe.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "onboard/link/core/watch/drone_watches.hpp"
 #include "onboard/link/core/watch/held.hpp"
