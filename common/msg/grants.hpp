@@ -1,6 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "common/msg/contract.hpp"
@@ -75,10 +76,9 @@ inline bool takes_back(Role role) { return role == REVOKED || role == AUDITOR; }
 
 /// Lays in what an identity's organisation has made of its role. Of one whom the record does not speak of: nothing.
 inline void apply_role(Control& control, const Identity& who, Role role) {
-  const auto itself = [](const Identity& one) -> const Identity& { return one; };
-  remove_entry(*control.mutable_revoked(), who, itself);
+  remove_entry(*control.mutable_revoked(), who, std::identity());
   if (!takes_back(role) || !names_identity(control, who)) return;
-  put_entry(*control.mutable_revoked(), who, itself);
+  put_entry(*control.mutable_revoked(), who, std::identity());
 }
 
 /// The revoked are only those whom the record speaks of.

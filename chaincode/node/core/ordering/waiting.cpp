@@ -140,6 +140,7 @@ std::vector<std::string> Waiting::take(std::size_t max_count, std::size_t max_by
   }
   std::ranges::sort(taken, {}, &FairLane::Held::turn);
   std::vector<std::string> envelopes;
+  envelopes.reserve(taken.size());
   for (FairLane::Held& held : taken) envelopes.push_back(std::move(held.envelope));
   return envelopes;
 }
