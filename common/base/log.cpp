@@ -23,7 +23,6 @@
 #include <utility>
 
 namespace ledgerline {
-
 namespace {
 
 void use(const std::shared_ptr<spdlog::logger>& logger) {

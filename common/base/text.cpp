@@ -3,8 +3,11 @@
 #include <arpa/inet.h>
 #include <fmt/format.h>
 
-namespace ledgerline {
+#include <algorithm>
+#include <iterator>
+#include <utility>
 
+namespace ledgerline {
 namespace {
 
 // Bytes of the UTF-8 character (RFC 3629) at the front, which is not empty; 0: it is none.
@@ -48,20 +51,15 @@ std::string printable(std::string_view text, std::size_t max_size) {
 }
 
 std::string xml_text(std::string_view text) {
+  constexpr std::pair<char, std::string_view> escapes[] = {
+      {'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}};
   std::string out;
   for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else if (static_cast<unsigned char>(c) < 32 && c != '\n')
-      out += ' ';
+    const auto* const escape = std::ranges::find(escapes, c, &std::pair<char, std::string_view>::first);
+    if (escape != std::end(escapes))
+      out += escape->second;
     else
-      out += c;
+      out += static_cast<unsigned char>(c) < 32 && c != '\n' ? ' ' : c;
   }
   return out;
 }

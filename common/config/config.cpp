@@ -115,9 +115,6 @@ struct Config::State {
     const std::string line = node ? fmt::format(":{}", node->source().begin.line) : "";
     problems.push_back(fmt::format("{}{}: {}: {}", name, line, printable(key, max_key), printable(what)));
   }
-  void missing(const std::string& key, const std::string& wanted) {
-    problem(nullptr, key, fmt::format("is missing ({})", wanted));
-  }
   void take_all(const toml::node& node, const std::string& prefix) {
     asked.insert(prefix);
     if (const auto* table = node.as_table()) {
@@ -177,7 +174,7 @@ Result<Config> Config::parse(std::string_view text, const std::string& name) {
 std::string Config::text(const Key& key) {
   state_->describe(key, "text", must_be_there, "");
   if (!state_->find(key.name)) {
-    state_->missing(key.name, "a string");
+    state_->problem(nullptr, key.name, "is missing (a string)");
     return {};
   }
   return text(key, "");
@@ -198,9 +195,7 @@ std::string Config::text(const Key& key, const std::string& otherwise) {
 std::string Config::choice(const Key& key, const std::vector<std::string>& allowed, const std::string& otherwise) {
   state_->describe(key, "text", quoted(otherwise), fmt::format("{}", fmt::join(allowed, ", ")), {.choices = allowed});
   const std::string value = text(key, otherwise);
-  for (const auto& a : allowed) {
-    if (a == value) return value;
-  }
+  if (std::ranges::find(allowed, value) != allowed.end()) return value;
   state_->problem(state_->find(key.name), key.name,
                   fmt::format("is \"{}\", must be one of {}", value, fmt::join(allowed, ", ")));
   return otherwise;
@@ -209,7 +204,7 @@ std::string Config::choice(const Key& key, const std::vector<std::string>& allow
 double Config::number(const Key& key, double min, double max) {
   state_->describe(key, "number", must_be_there, fmt::format("{} to {}", min, max), {.min = min, .max = max});
   if (!state_->find(key.name)) {
-    state_->missing(key.name, fmt::format("a number from {} to {}", min, max));
+    state_->problem(nullptr, key.name, fmt::format("is missing (a number from {} to {})", min, max));
     return min;
   }
   return number(key, min, min, max);

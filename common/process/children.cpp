@@ -20,8 +20,9 @@
 #include <sstream>
 #include <string_view>
 
-namespace ledgerline {
+#include "common/process/usage.hpp"
 
+namespace ledgerline {
 namespace {
 
 constexpr std::size_t max_line = 1 << 20;
@@ -55,41 +56,6 @@ constexpr std::size_t max_line = 1 << 20;
   const char* why = std::strerror(errno);
   (void)!::write(2, why, std::strlen(why));
   _exit(127);
-}
-
-// /proc/PID/stat: the fields behind the name in brackets are 3 (state) to 52; 14 and 15 are user and system time.
-double cpu_seconds_of(pid_t pid) {
-  std::ifstream file(fmt::format("/proc/{}/stat", pid));
-  std::string stat;
-  std::getline(file, stat);  // unlike the stream's buffer it does not throw when the process ends meanwhile
-  const auto bracket = stat.rfind(')');
-  if (bracket == std::string::npos) return 0;
-  std::istringstream fields(stat.substr(bracket + 1));
-  std::string skipped;
-  for (int i = 3; i < 14; ++i) fields >> skipped;
-  double user = 0, system = 0;
-  fields >> user >> system;
-  double sum = (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
-  std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
-  for (pid_t of = 0; children >> of;) sum += cpu_seconds_of(of);
-  return sum;
-}
-
-double memory_mb_of(pid_t pid) {
-  constexpr double kb_per_mb = 1e6 / 1024;
-  double sum = 0;
-  std::ifstream rollup(fmt::format("/proc/{}/smaps_rollup", pid));
-  for (std::string line; std::getline(rollup, line);) {
-    if (line.rfind("Pss:", 0) == 0) sum += std::strtod(line.c_str() + 4, nullptr) / kb_per_mb;
-  }
-  // Of a program with keys root alone reads that (keep_memory_private()); this counts what is shared as well.
-  std::ifstream status(sum > 0 ? "" : fmt::format("/proc/{}/status", pid));
-  for (std::string line; std::getline(status, line);) {
-    if (line.rfind("VmRSS:", 0) == 0) sum += std::strtod(line.c_str() + 6, nullptr) / kb_per_mb;
-  }
-  std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
-  for (pid_t of = 0; children >> of;) sum += memory_mb_of(of);
-  return sum;
 }
 
 }  // namespace

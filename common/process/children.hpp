@@ -75,11 +75,9 @@ class Children {
   void signal_group(const std::string& name, int signal);
   /// SIGTERM, then SIGKILL after `timeout_ns`. False when it took the SIGKILL.
   bool stop(const std::string& name, TimeNs timeout_ns);
-  /// User and system time so far, including that of the processes it started that still run, and of programs that ran
-  /// under its name before; 0 when it does not run.
+  /// cpu_seconds_of() it and those that ran under its name before; 0 when it does not run.
   double cpu_seconds(const std::string& name) const;
-  /// Proportional set size (shared pages count in parts), including that of the processes it started that still run; 0
-  /// when it does not run. To be called seldom: the kernel walks all page tables for it.
+  /// memory_mb_of() it; 0 when it does not run. To be called seldom.
   double memory_mb(const std::string& name) const;
   const std::vector<std::string>& names() const { return names_; }
   /// The last lines that it logged.

@@ -40,4 +40,9 @@ std::optional<HostUsage> parse_host(const std::string& stat, const std::string& 
 std::vector<ThreadUsage> read_threads(const std::string& program, pid_t process);
 HostUsage read_host(const std::string& cpu = "cpu");
 
+/// Of a process and of those that it started that still run; 0 when it is gone. Memory is its proportional set (shared
+/// pages count in parts); to be called seldom: the kernel walks all page tables for it.
+double cpu_seconds_of(pid_t process);
+double memory_mb_of(pid_t process);
+
 }  // namespace ledgerline
