@@ -15,6 +15,42 @@
 #include <utility>
 
 namespace ledgerline {
+namespace {
+
+bool sync(const std::string& path, int flags) {
+  const int fd = ::open(path.c_str(), flags | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool good = ::fsync(fd) == 0;
+  const int why = errno;
+  ::close(fd);
+  errno = why;
+  return good;
+}
+
+std::vector<unsigned> own_groups() {
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
+  groups.resize(static_cast<std::size_t>(std::max(0, ::getgroups(static_cast<int>(groups.size()), groups.data()))));
+  groups.push_back(::getegid());
+  return {groups.begin(), groups.end()};
+}
+
+constexpr mode_t written_by_others = S_IWGRP | S_IWOTH;
+
+/// Of what is open: whether others decide what is in it.
+Status check(const std::string& path, const struct stat& info, mode_t kind, bool is_above) {
+  if ((info.st_mode & S_IFMT) != kind)
+    return Error{fmt::format("{}: there is no such {}", path, kind == S_IFDIR ? "folder" : "file")};
+  if (info.st_uid != ::geteuid() && info.st_uid != 0)
+    return Error{fmt::format("{} belongs to neither this user nor root, and what is in it decides; run: chown {} {}",
+                             path, ::geteuid(), path)};
+  const bool only_owners_remove = is_above && (info.st_mode & S_ISVTX) != 0;
+  if ((info.st_mode & written_by_others) != 0 && !only_owners_remove)
+    return Error{fmt::format("{}: others than its owner may write it, and what is in it decides; run: chmod go-w {}",
+                             path, path)};
+  return done;
+}
+
+}  // namespace
 
 Result<std::string> read_file(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
@@ -42,20 +78,6 @@ Status write_file(const std::string& path, std::string_view content, int mode) {
   return done;
 }
 
-namespace {
-
-bool sync(const std::string& path, int flags) {
-  const int fd = ::open(path.c_str(), flags | O_CLOEXEC);
-  if (fd < 0) return false;
-  const bool good = ::fsync(fd) == 0;
-  const int why = errno;
-  ::close(fd);
-  errno = why;
-  return good;
-}
-
-}  // namespace
-
 Status replace_file(const std::string& path, std::string_view content, int mode) {
   const std::string fresh = path + ".new";
   if (auto status = write_file(fresh, content, mode); !status) return status;
@@ -66,17 +88,6 @@ Status replace_file(const std::string& path, std::string_view content, int mode)
   return done;
 }
 
-namespace {
-
-std::vector<unsigned> own_groups() {
-  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
-  groups.resize(static_cast<std::size_t>(std::max(0, ::getgroups(static_cast<int>(groups.size()), groups.data()))));
-  groups.push_back(::getegid());
-  return {groups.begin(), groups.end()};
-}
-
-}  // namespace
-
 bool is_private(unsigned mode, unsigned owner, unsigned group, const std::vector<unsigned>& own_groups) {
   if ((mode & 077) == 0) return true;
   return (mode & 037) == 0 && owner == 0 && std::find(own_groups.begin(), own_groups.end(), group) != own_groups.end();
@@ -85,26 +96,6 @@ bool is_private(unsigned mode, unsigned owner, unsigned group, const std::vector
 bool is_private(const struct stat& file) { return is_private(file.st_mode, file.st_uid, file.st_gid, own_groups()); }
 
 void keep_memory_private() noexcept { (void)::prctl(PR_SET_DUMPABLE, 0); }  // which cannot fail
-
-namespace {
-
-constexpr mode_t written_by_others = S_IWGRP | S_IWOTH;
-
-/// Of what is open: whether others decide what is in it.
-Status check(const std::string& path, const struct stat& info, mode_t kind, bool is_above) {
-  if ((info.st_mode & S_IFMT) != kind)
-    return Error{fmt::format("{}: there is no such {}", path, kind == S_IFDIR ? "folder" : "file")};
-  if (info.st_uid != ::geteuid() && info.st_uid != 0)
-    return Error{fmt::format("{} belongs to neither this user nor root, and what is in it decides; run: chown {} {}",
-                             path, ::geteuid(), path)};
-  const bool only_owners_remove = is_above && (info.st_mode & S_ISVTX) != 0;
-  if ((info.st_mode & written_by_others) != 0 && !only_owners_remove)
-    return Error{fmt::format("{}: others than its owner may write it, and what is in it decides; run: chmod go-w {}",
-                             path, path)};
-  return done;
-}
-
-}  // namespace
 
 Result<OwnedFolder> OwnedFolder::open(const std::string& path) {
   std::error_code error;

@@ -32,20 +32,6 @@ void use(const std::shared_ptr<spdlog::logger>& logger) {
   spdlog::set_level(level ? spdlog::level::from_str(level) : spdlog::level::info);
 }
 
-}  // namespace
-
-void init_log(const std::string& program) {
-  use(spdlog::stderr_color_mt(program));
-  spdlog::flush_on(spdlog::level::info);
-}
-
-void log_without_waiting() {
-  use(std::make_shared<spdlog::logger>(spdlog::default_logger()->name(), std::make_shared<LogRing>(STDERR_FILENO)));
-  spdlog::flush_on(spdlog::level::critical);
-}
-
-namespace {
-
 constexpr std::chrono::seconds max_flush{1};
 
 // A reader that is gone takes the rest of the line with it.
@@ -78,6 +64,16 @@ std::string_view colour(spdlog::level::level_enum level) {
 }
 
 }  // namespace
+
+void init_log(const std::string& program) {
+  use(spdlog::stderr_color_mt(program));
+  spdlog::flush_on(spdlog::level::info);
+}
+
+void log_without_waiting() {
+  use(std::make_shared<spdlog::logger>(spdlog::default_logger()->name(), std::make_shared<LogRing>(STDERR_FILENO)));
+  spdlog::flush_on(spdlog::level::critical);
+}
 
 struct LogRing::Lines {
   Lines(int to, std::size_t most)

@@ -58,6 +58,9 @@ constexpr std::size_t max_line = 1 << 20;
   _exit(127);
 }
 
+constexpr int lowest = 19;
+constexpr unsigned slice_ns = 100'000;
+
 }  // namespace
 
 Children::~Children() {
@@ -243,13 +246,6 @@ std::string Children::log_tail(const std::string& name, int lines) const {
   for (const auto& line : last) text += "  " + line + "\n";
   return text;
 }
-
-namespace {
-
-constexpr int lowest = 19;
-constexpr unsigned slice_ns = 100'000;
-
-}  // namespace
 
 bool enter_scheduling(Scheduling scheduling) noexcept {
   if (scheduling == Scheduling::inherited) return true;

@@ -96,8 +96,7 @@ class CommandLine : public Arguments {
 
   /// nullopt: the values are there, and the program goes on. `__complete WORD... TYPED`, which shells ask
   /// (`ledgerline completion`), is an early end with what TYPED may become, a line each: verbs, or options if it begins
-  /// with
-  /// "-".
+  /// with "-".
   std::optional<EarlyEnd> read(const std::vector<std::string>& arguments);
   /// read() for main(): prints an early end, and returns its exit code; else starts the log in the program's name.
   std::optional<int> parse(int argc, char** argv);
