@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "common/program/command_line.hpp"
+#include "common/program/command_socket.hpp"
 #include "common/program/program.hpp"
-#include "common/program/socket/command_socket.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/shell/path_file.hpp"
@@ -134,7 +134,7 @@ int run_proxy(const std::string& config, const std::string& script) {
 }
 
 int tell_faults(const std::string& socket, const std::string& command) {
-  const auto answer = tell_command(socket, command);
+  const auto answer = send_command(socket, command);
   if (!answer) return fail(answer.error());
   fmt::print("{}", *answer);
   return 0;
@@ -208,11 +208,11 @@ int main(int argc, char** argv) {
   day.option("--drone", asked.drone, "its address, where there are several");
 
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (proxy.given()) return run_proxy(proxy_config, script);
+  if (proxy.is_given()) return run_proxy(proxy_config, script);
   if (shim.is_given()) return shim.run();
   asked.answers = of == "answers";
-  if (day.given()) return print_day(capture, asked);
-  if (faults.given()) return tell_faults(socket, command);
+  if (day.is_given()) return print_day(capture, asked);
+  if (faults.is_given()) return tell_faults(socket, command);
   if (const Status read = read_words(words, config); !read) return fail(read.error(), exit_usage);
   return simulated_flight(config);
 }

@@ -2,7 +2,7 @@
 
 #include "chaincode/contract/contract_common.hpp"
 #include "common/base/check.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode {

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <deque>
 #include <map>
-#include <set>
 
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"

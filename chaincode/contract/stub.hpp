@@ -1,8 +1,6 @@
 #pragma once
-#include <cstdint>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/base/result.hpp"

@@ -5,7 +5,7 @@
 #include <random>
 #include <thread>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/rt/retry.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"

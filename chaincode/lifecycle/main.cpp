@@ -72,7 +72,7 @@ Result<Access> access_of(const Options& options) {
   if (!config) return config.error();
   auto client = fabric::ledger_config(*config);
   const std::string msp_dir = config->text("ledger.msp_dir", "");
-  config->left_to_another("msp");  // a drone's or a ground's own file will do
+  config->skip_table("msp");  // a drone's or a ground's own file will do
   if (Status s = config->finish(); !s) return s.error();
   if (!client) return client.error();
   return Access{std::move(*client), msp_dir};
@@ -363,7 +363,7 @@ int main(int argc, char** argv) {
   const std::vector<Verb> verbs = add_verbs(line, options);
   if (const auto end = line.parse(argc, argv)) return *end;
   for (const Verb& verb : verbs) {
-    if (verb.given()) return exit_code(run(options, verb.name()));
+    if (verb.is_given()) return exit_code(run(options, verb.name()));
   }
   return exit_usage;
 }

@@ -20,7 +20,6 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 
 namespace {
 
@@ -417,6 +416,6 @@ int main(int argc, char** argv) {
   VerbOptions verb_options;
   const std::vector<Verb> verbs = add_verbs(line, verb_options);
   if (const auto end = read_verb_options(line, argc, argv, verb_options)) return *end;
-  const auto given = std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.given(); });
+  const auto given = std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.is_given(); });
   return carry_out(given->name(), verb_options);
 }

@@ -15,7 +15,6 @@
 #include "chaincode/network/options.hpp"
 #include "chaincode/network/setup/deployment.hpp"
 #include "chaincode/network/setup/site.hpp"
-#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 
 namespace ledgerline::network {

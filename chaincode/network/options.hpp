@@ -6,7 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
-#include "common/process/scheduling.hpp"
+#include "common/process/children.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::network {

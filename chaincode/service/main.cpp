@@ -4,7 +4,6 @@
 #include "chaincode/service/contract_stub.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/rt/histogram.hpp"
 
 namespace {

@@ -11,7 +11,7 @@
 #include <set>
 #include <sstream>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline {
 namespace {
@@ -115,9 +115,6 @@ struct Config::State {
     const std::string line = node ? fmt::format(":{}", node->source().begin.line) : "";
     problems.push_back(fmt::format("{}{}: {}: {}", name, line, printable(key, max_key), printable(what)));
   }
-  void missing(const std::string& key, const std::string& wanted) {
-    problem(nullptr, key, fmt::format("is missing ({})", wanted));
-  }
   void take_all(const toml::node& node, const std::string& prefix) {
     asked.insert(prefix);
     if (const auto* table = node.as_table()) {
@@ -177,7 +174,7 @@ Result<Config> Config::parse(std::string_view text, const std::string& name) {
 std::string Config::text(const Key& key) {
   state_->describe(key, "text", must_be_there, "");
   if (!state_->find(key.name)) {
-    state_->missing(key.name, "a string");
+    state_->problem(nullptr, key.name, "is missing (a string)");
     return {};
   }
   return text(key, "");
@@ -198,9 +195,7 @@ std::string Config::text(const Key& key, const std::string& otherwise) {
 std::string Config::choice(const Key& key, const std::vector<std::string>& allowed, const std::string& otherwise) {
   state_->describe(key, "text", quoted(otherwise), fmt::format("{}", fmt::join(allowed, ", ")), {.choices = allowed});
   const std::string value = text(key, otherwise);
-  for (const auto& a : allowed) {
-    if (a == value) return value;
-  }
+  if (std::ranges::find(allowed, value) != allowed.end()) return value;
   state_->problem(state_->find(key.name), key.name,
                   fmt::format("is \"{}\", must be one of {}", value, fmt::join(allowed, ", ")));
   return otherwise;
@@ -209,7 +204,7 @@ std::string Config::choice(const Key& key, const std::vector<std::string>& allow
 double Config::number(const Key& key, double min, double max) {
   state_->describe(key, "number", must_be_there, fmt::format("{} to {}", min, max), {.min = min, .max = max});
   if (!state_->find(key.name)) {
-    state_->missing(key.name, fmt::format("a number from {} to {}", min, max));
+    state_->problem(nullptr, key.name, fmt::format("is missing (a number from {} to {})", min, max));
     return min;
   }
   return number(key, min, min, max);
@@ -319,14 +314,14 @@ std::string Config::table_text(const std::string& key, std::initializer_list<std
   return out.str();
 }
 
-void Config::left_to_another(const Key& table) {
+void Config::skip_table(const Key& table) {
   state_->describe(table, "table", "none", "");
   if (const toml::node* node = state_->find(table.name)) state_->take_all(*node, table.name);
 }
 
 void Config::wrong(const std::string& key, const std::string& what) { state_->problem(state_->find(key), key, what); }
 
-bool Config::describes() const { return state_->describing; }
+bool Config::is_describing() const { return state_->describing; }
 
 std::vector<KeyDescription> Config::described() const { return state_->described; }
 

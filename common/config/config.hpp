@@ -88,12 +88,12 @@ class Config {
   /// is none. `without`: keys of the [table] that are not for that program.
   std::string table_text(const std::string& key, std::initializer_list<std::string_view> without = {}) const;
   /// Another program checks what is in this table, which goes into its file: here none of its keys is unknown.
-  void left_to_another(const Key& table);
+  void skip_table(const Key& table);
   /// What the program itself finds wrong with a key's value, for finish(): "must ...".
   void wrong(const std::string& key, const std::string& what);
 
   /// True of a describing Config: a reader then asks for those keys, too, that only some files may have.
-  bool describes() const;
+  bool is_describing() const;
   /// In the order of the first question for each key.
   std::vector<KeyDescription> described() const;
 

@@ -10,7 +10,7 @@
 #include <mutex>
 #include <unordered_map>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"
 

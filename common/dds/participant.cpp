@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/files/private_file.hpp"
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/endpoint.hpp"

@@ -11,7 +11,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::dds {
 namespace {

@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::dds {
 namespace {

@@ -71,7 +71,8 @@ std::vector<Channels::For> read_servers(Config& config, const std::string& table
 void read_drones(Config& config, Channels& channels) {
   const std::vector<std::string> names = channels.names();
   std::vector<bool> used(names.size());
-  const std::size_t count = config.describes() ? 1 : config.table_count("drone");  // the program describes its table
+  const std::size_t count =
+      config.is_describing() ? 1 : config.table_count("drone");  // the program describes its table
   for (std::size_t i = 0; i < count; ++i) {
     const std::string key = fmt::format("drone.{}.channel", i);
     const std::string name =
@@ -81,7 +82,7 @@ void read_drones(Config& config, Channels& channels) {
     channels.of_drone.push_back(found == names.end() ? 0 : static_cast<std::size_t>(found - names.begin()));
     used[channels.of_drone.back()] = true;
   }
-  if (config.describes() || !channels.several()) return;
+  if (config.is_describing() || !channels.several()) return;
   if (!used[0])
     config.wrong("ledger.channel", fmt::format("must have a [[drone]]: none is on {}; a channel that has one may stand "
                                                "in [ledger] itself",
@@ -133,7 +134,7 @@ Channels read_channels(Config& config) {
       {"channel", "each further channel that some of the drones are on; that of [ledger] has no table"});
   for (std::size_t i = 0; i < count; ++i)
     channels.all.push_back(read_table(config, fmt::format("channel.{}.", i), ledger));
-  if (!config.describes()) check_tables(config, channels, config.text("ledger.config_block", ""));
+  if (!config.is_describing()) check_tables(config, channels, config.text("ledger.config_block", ""));
   const std::vector<std::string> names = channels.names();
   channels.orderers = read_servers(config, "orderer", names);
   channels.endorsers = read_servers(config, "endorser", names);

@@ -1,6 +1,5 @@
 #pragma once
 #include <memory>
-#include <string>
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"

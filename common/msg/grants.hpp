@@ -1,6 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "common/msg/contract.hpp"
@@ -79,10 +80,9 @@ inline bool withdraws_rights(Role role) { return role == REVOKED || role == AUDI
 
 /// Lays in what an identity's organisation has made of its role. Of one whom the record does not speak of: nothing.
 inline void apply_role(Control& control, const Identity& who, Role role) {
-  const auto itself = [](const Identity& one) -> const Identity& { return one; };
-  remove_entry(*control.mutable_revoked(), who, itself);
+  remove_entry(*control.mutable_revoked(), who, std::identity());
   if (!withdraws_rights(role) || !names_identity(control, who)) return;
-  put_entry(*control.mutable_revoked(), who, itself);
+  put_entry(*control.mutable_revoked(), who, std::identity());
 }
 
 /// The revoked are only those whom the record speaks of.

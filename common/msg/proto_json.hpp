@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "common/base/printable.hpp"
 #include "common/base/result.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 
 /// The two forms of every message of the contract: protobuf bytes, or the same message as JSON text. A call, its answer

@@ -3,8 +3,10 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -17,6 +19,8 @@
 #include <fstream>
 #include <sstream>
 #include <string_view>
+
+#include "common/process/usage.hpp"
 
 namespace ledgerline {
 namespace {
@@ -54,40 +58,8 @@ constexpr std::size_t max_line = 1 << 20;
   _exit(127);
 }
 
-// /proc/PID/stat: the fields behind the name in brackets are 3 (state) to 52; 14 and 15 are user and system time.
-double cpu_seconds_of(pid_t pid) {
-  std::ifstream file(fmt::format("/proc/{}/stat", pid));
-  std::string stat;
-  std::getline(file, stat);  // unlike the stream's buffer it does not throw when the process ends meanwhile
-  const auto bracket = stat.rfind(')');
-  if (bracket == std::string::npos) return 0;
-  std::istringstream fields(stat.substr(bracket + 1));
-  std::string skipped;
-  for (int i = 3; i < 14; ++i) fields >> skipped;
-  double user = 0, system = 0;
-  fields >> user >> system;
-  double sum = (user + system) / static_cast<double>(sysconf(_SC_CLK_TCK));
-  std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
-  for (pid_t of = 0; children >> of;) sum += cpu_seconds_of(of);
-  return sum;
-}
-
-double memory_mb_of(pid_t pid) {
-  constexpr double kb_per_mb = 1e6 / 1024;
-  double sum = 0;
-  std::ifstream rollup(fmt::format("/proc/{}/smaps_rollup", pid));
-  for (std::string line; std::getline(rollup, line);) {
-    if (line.rfind("Pss:", 0) == 0) sum += std::strtod(line.c_str() + 4, nullptr) / kb_per_mb;
-  }
-  // Of a program with keys root alone reads that (keep_memory_private()); this counts what is shared as well.
-  std::ifstream status(sum > 0 ? "" : fmt::format("/proc/{}/status", pid));
-  for (std::string line; std::getline(status, line);) {
-    if (line.rfind("VmRSS:", 0) == 0) sum += std::strtod(line.c_str() + 6, nullptr) / kb_per_mb;
-  }
-  std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
-  for (pid_t of = 0; children >> of;) sum += memory_mb_of(of);
-  return sum;
-}
+constexpr int lowest = 19;
+constexpr unsigned slice_ns = 100'000;
 
 }  // namespace
 
@@ -175,7 +147,7 @@ void Children::read_output(Child& child) {
     child.partial.append(buffer, static_cast<std::size_t>(n));
     std::size_t start = 0;
     for (std::size_t end; (end = child.partial.find('\n', start)) != std::string::npos; start = end + 1) {
-      if (handlers_.on_line) handlers_.on_line(child.program.name, child.partial.substr(start, end - start));
+      if (on_line_) on_line_(child.program.name, child.partial.substr(start, end - start));
     }
     child.partial.erase(0, start);
     if (child.partial.size() > max_line) child.partial.clear();
@@ -208,14 +180,14 @@ void Children::poll(TimeNs timeout_ns) {
   for (Child& child : children_) reap(child);
 }
 
-bool Children::running(const std::string& name) const {
+bool Children::is_running(const std::string& name) const {
   const Child* child = find(name);
   return child && !child->ended;
 }
 
-pid_t Children::pid(const std::string& name) const { return running(name) ? find(name)->pid : 0; }
+pid_t Children::pid(const std::string& name) const { return is_running(name) ? find(name)->pid : 0; }
 
-bool Children::ended_well(const std::string& name) const {
+bool Children::has_succeeded(const std::string& name) const {
   const Child* child = find(name);
   return child && child->ended && WIFEXITED(child->status) && WEXITSTATUS(child->status) == 0;
 }
@@ -241,13 +213,13 @@ void Children::signal_group(const std::string& name, int signal) {
 }
 
 bool Children::stop(const std::string& name, TimeNs timeout_ns) {
-  if (!running(name)) return true;
+  if (!is_running(name)) return true;
   signal(name, SIGTERM);
   const TimeNs until_ns = monotonic_ns() + timeout_ns;
-  while (running(name) && monotonic_ns() < until_ns) poll(10 * ns_per_ms);
-  if (!running(name)) return true;
+  while (is_running(name) && monotonic_ns() < until_ns) poll(10 * ns_per_ms);
+  if (!is_running(name)) return true;
   signal(name, SIGKILL);
-  while (running(name)) poll(10 * ns_per_ms);
+  while (is_running(name)) poll(10 * ns_per_ms);
   return false;
 }
 
@@ -273,6 +245,41 @@ std::string Children::log_tail(const std::string& name, int lines) const {
   std::string text;
   for (const auto& line : last) text += "  " + line + "\n";
   return text;
+}
+
+bool enter_scheduling(Scheduling scheduling) noexcept {
+  if (scheduling == Scheduling::inherited) return true;
+  errno = 0;
+  const int nice = ::getpriority(PRIO_PROCESS, 0);  // -1 is a good answer, too
+  if (nice == -1 && errno != 0) return false;
+  SchedulingAttributes attributes;
+  attributes.policy = scheduling == Scheduling::background ? SCHED_BATCH : SCHED_OTHER;
+  attributes.nice = scheduling == Scheduling::background ? lowest : nice;
+  attributes.runtime = scheduling == Scheduling::short_slices ? slice_ns : 0;  // 0: the kernel's own
+  return ::syscall(SYS_sched_setattr, 0, &attributes, 0) == 0;
+}
+
+std::string find_program(std::string_view name, std::string_view also_in) {
+  const char* path = std::getenv("PATH");
+  for (const std::string_view among : {std::string_view(path ? path : ""), also_in}) {
+    std::istringstream folders{std::string(among)};
+    for (std::string folder; std::getline(folders, folder, ':');) {
+      const std::string file = fmt::format("{}/{}", folder.empty() ? "." : folder, name);
+      if (::access(file.c_str(), X_OK) == 0) return file;
+    }
+  }
+  return {};
+}
+
+std::optional<TimeNs> Restarts::ended(TimeNs now) {
+  while (!recent_.empty() && now - recent_.front() > limits_.within) recent_.pop_front();
+  if (recent_.size() >= static_cast<std::size_t>(limits_.max_restarts)) return std::nullopt;
+  TimeNs wait = limits_.first_wait;
+  for (std::size_t i = 0; i < recent_.size() && wait < limits_.max_wait; ++i) wait *= 2;
+  wait = std::min(wait, limits_.max_wait);
+  recent_.push_back(now);
+  ++count_;
+  return now + static_cast<TimeNs>(static_cast<double>(wait) * (0.5 + random_.uniform() / 2));
 }
 
 }  // namespace ledgerline

@@ -1,15 +1,44 @@
 #pragma once
 #include <sys/types.h>
 
+#include <cstdint>
+#include <deque>
 #include <functional>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
+#include "common/base/random.hpp"
 #include "common/base/result.hpp"
-#include "common/process/scheduling.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline {
+
+/// How a program competes for the processors of a busy host, with all threads and programs that it starts. None of
+/// these is a real-time class: a thread that spins under one takes no more than its share.
+enum class Scheduling {
+  inherited,  ///< as the program that starts it
+  /// SCHED_BATCH, nice 19: a seventieth of the share of others, and it interrupts nobody. SCHED_IDLE has a fifth of
+  /// that, too little for peers to keep up.
+  background,
+  /// The same share in slices of 0.1 ms, which Linux takes from 6.12 on and older ones leave out: the shorter a
+  /// thread's slice the earlier is its turn when it wakes. 0.1 ms is the kernel's least.
+  short_slices,
+};
+
+/// For the calling thread; allocates nothing, as between fork and exec. False: refused, see errno.
+bool enter_scheduling(Scheduling scheduling) noexcept;
+
+/// `struct sched_attr` of sched_setattr(2), which Debian 12's headers do not let stand beside <sched.h>.
+struct SchedulingAttributes {
+  std::uint32_t size = sizeof(SchedulingAttributes), policy = 0;
+  std::uint64_t flags = 0;
+  std::int32_t nice = 0;
+  std::uint32_t priority = 0;
+  std::uint64_t runtime = 0, deadline = 0, period = 0;  ///< ns; of ordinary threads `runtime` is the slice
+};
+static_assert(sizeof(SchedulingAttributes) == 48, "the kernel's SCHED_ATTR_SIZE_VER0");
 
 /// The programs of a launcher. Each one is a process of its own group (a Ctrl-C at the terminal reaches the launcher
 /// alone), has its standard output read line by line, its standard error in a file, and ends when the launcher dies,
@@ -25,11 +54,9 @@ class Children {
     std::vector<std::string> environment = {};  ///< "NAME=value", beside the launcher's own
     Scheduling scheduling = Scheduling::inherited;
   };
-  struct Handlers {
-    std::function<void(const std::string& name, const std::string& line)> on_line;
-  };
+  using OnLine = std::function<void(const std::string& name, const std::string& line)>;
 
-  explicit Children(Handlers handlers) : handlers_(std::move(handlers)) {}
+  explicit Children(OnLine on_line) : on_line_(std::move(on_line)) {}
   ~Children();  ///< kills what still runs
   Children(const Children&) = delete;
   Children& operator=(const Children&) = delete;
@@ -37,22 +64,20 @@ class Children {
   Status start(const Program& program);
   /// Waits up to `timeout_ns` for output or the end of a child, and reads both.
   void poll(TimeNs timeout_ns);
-  bool running(const std::string& name) const;
+  bool is_running(const std::string& name) const;
   /// 0 when it does not run.
   pid_t pid(const std::string& name) const;
   /// "ended with exit code 1", "was ended by signal 11 (Segmentation fault)"; empty while it runs or if it never did.
   std::string how_it_ended(const std::string& name) const;
-  bool ended_well(const std::string& name) const;
+  bool has_succeeded(const std::string& name) const;
   void signal(const std::string& name, int signal);
   /// To all that this child started and that stayed in its process group, also after it has ended by itself.
   void signal_group(const std::string& name, int signal);
   /// SIGTERM, then SIGKILL after `timeout_ns`. False when it took the SIGKILL.
   bool stop(const std::string& name, TimeNs timeout_ns);
-  /// User and system time so far, including that of the processes it started that still run, and of programs that ran
-  /// under its name before; 0 when it does not run.
+  /// cpu_seconds_of() it and those that ran under its name before; 0 when it does not run.
   double cpu_seconds(const std::string& name) const;
-  /// Proportional set size (shared pages count in parts), including that of the processes it started that still run; 0
-  /// when it does not run. To be called seldom: the kernel walks all page tables for it.
+  /// memory_mb_of() it; 0 when it does not run. To be called seldom.
   double memory_mb(const std::string& name) const;
   const std::vector<std::string>& names() const { return names_; }
   /// The last lines that it logged.
@@ -73,9 +98,41 @@ class Children {
   void read_output(Child& child);
   void reap(Child& child);
 
-  Handlers handlers_;
+  OnLine on_line_;
   std::vector<Child> children_;
   std::vector<std::string> names_;
+};
+
+/// Where in PATH, and then in `also_in` (folders with colons between them), a program of this name is that may be run,
+/// as a shell looks for it; empty: nowhere. Any thread that does not change the environment.
+std::string find_program(std::string_view name, std::string_view also_in = {});
+
+/// When a process that ended is started again: after a wait that doubles with each end within `within`, with jitter
+/// (half to whole of it), so that processes that died together do not start together. After more than
+/// `max_restarts` ends within `within` it is given up.
+///
+///     runs -- ended() --> waits -- the time it gave --> runs
+///                 \-- nullopt: given up
+class Restarts {
+ public:
+  struct Limits {
+    int max_restarts = 10;  ///< within `within`
+    TimeNs within = 60 * ns_per_s;
+    TimeNs first_wait = 100 * ns_per_ms, max_wait = 5 * ns_per_s;
+  };
+  Restarts(Limits limits, std::uint64_t seed) : limits_(limits), random_(seed) {}
+
+  /// It ended: when to start it again.
+  std::optional<TimeNs> ended(TimeNs now);
+  /// How often it has been given a new start.
+  std::uint64_t count() const { return count_; }
+  const Limits& limits() const { return limits_; }
+
+ private:
+  const Limits limits_;
+  Random random_;
+  std::deque<TimeNs> recent_;  ///< at most limits_.max_restarts
+  std::uint64_t count_ = 0;
 };
 
 }  // namespace ledgerline

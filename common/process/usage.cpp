@@ -127,4 +127,23 @@ std::vector<pid_t> process_tree(pid_t root) {
 
 std::uint64_t available_memory() { return number_behind(text_of("/proc/meminfo"), "MemAvailable:") * 1'024; }
 
+double cpu_seconds_of(pid_t process) {
+  const auto usage = parse_thread(text_of(fmt::format("/proc/{}/stat", process)), "", "", ticks());
+  double sum = usage ? usage->cpu_s : 0;
+  std::istringstream children(text_of(fmt::format("/proc/{0}/task/{0}/children", process)));
+  for (pid_t child = 0; children >> child;) sum += cpu_seconds_of(child);
+  return sum;
+}
+
+double memory_mb_of(pid_t process) {
+  constexpr double kb_per_mb = 1e6 / 1024;
+  std::uint64_t kb = number_behind(text_of(fmt::format("/proc/{}/smaps_rollup", process)), "Pss:");
+  // Of a program with keys root alone reads that (keep_memory_private()); this counts what is shared as well.
+  if (kb == 0) kb = number_behind(text_of(fmt::format("/proc/{}/status", process)), "VmRSS:");
+  double sum = static_cast<double>(kb) / kb_per_mb;
+  std::istringstream children(text_of(fmt::format("/proc/{0}/task/{0}/children", process)));
+  for (pid_t child = 0; children >> child;) sum += memory_mb_of(child);
+  return sum;
+}
+
 }  // namespace ledgerline

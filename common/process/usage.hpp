@@ -44,5 +44,9 @@ HostUsage read_host(const std::string& cpu = "cpu");
 std::vector<pid_t> process_tree(pid_t root);
 /// Bytes that programs may still have without swapping; 0: the kernel does not say.
 std::uint64_t available_memory();
+/// Of a process and of those that it started that still run; 0 when it is gone. Memory is its proportional set (shared
+/// pages count in parts); to be called seldom: the kernel walks all page tables for it.
+double cpu_seconds_of(pid_t process);
+double memory_mb_of(pid_t process);
 
 }  // namespace ledgerline

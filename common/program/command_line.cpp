@@ -34,7 +34,7 @@ Option& Option::comma_list(int values) {
 Option& Option::one_at_a_time() { return option_->allow_extra_args(false), *this; }
 Option& Option::needs(const Option& other) { return option_->needs(other.option_), *this; }
 Option& Option::excludes(const Option& other) { return option_->excludes(other.option_), *this; }
-bool Option::given() const { return option_->count() > 0; }
+bool Option::is_given() const { return option_->count() > 0; }
 
 template <typename T>
 Option Arguments::option(const std::string& name, T& value, const std::string& help) {
@@ -54,9 +54,9 @@ Option Arguments::flag(const std::string& name, bool& value, const std::string& 
   return Option(app_->add_flag(name, value, help));
 }
 
-bool Arguments::given(const std::string& option) const { return app_->get_option(option)->count() > 0; }
+bool Arguments::is_given(const std::string& option) const { return app_->get_option(option)->count() > 0; }
 
-bool Verb::given() const { return app_->parsed(); }
+bool Verb::is_given() const { return app_->parsed(); }
 std::string Verb::name() const { return app_->get_name(); }
 
 CommandLine::CommandLine(const std::string& name, const std::string& about, const std::string& notes)

@@ -36,7 +36,7 @@ class Option {
   Option& needs(const Option& other);
   Option& excludes(const Option& other);
 
-  bool given() const;
+  bool is_given() const;
 
  private:
   CLI::Option* option_;
@@ -53,7 +53,7 @@ class Arguments {
   /// "!--no-x" makes `value` false.
   Option flag(const std::string& name, bool& value, const std::string& help);
   /// After the parsing: was this option there?
-  bool given(const std::string& option) const;
+  bool is_given(const std::string& option) const;
 
  protected:
   explicit Arguments(CLI::App* app) : app_(app) {}
@@ -63,8 +63,8 @@ class Arguments {
 class Verb : public Arguments {
  public:
   explicit Verb(CLI::App* app) : Arguments(app) {}
-  using Arguments::given;
-  bool given() const;
+  using Arguments::is_given;
+  bool is_given() const;
   std::string name() const;
 };
 
@@ -96,8 +96,7 @@ class CommandLine : public Arguments {
 
   /// nullopt: the values are there, and the program goes on. `__complete WORD... TYPED`, which shells ask
   /// (`ledgerline completion`), is an early end with what TYPED may become, a line each: verbs, or options if it begins
-  /// with
-  /// "-".
+  /// with "-".
   std::optional<EarlyEnd> read(const std::vector<std::string>& arguments);
   /// read() for main(): prints an early end, and returns its exit code; else starts the log in the program's name.
   std::optional<int> parse(int argc, char** argv);

@@ -6,7 +6,7 @@
 #include <array>
 #include <charconv>
 
-#include "common/base/ipv4.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::web {
 namespace {

@@ -18,7 +18,6 @@
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/rt/mailbox.hpp"
 #include "common/verification/calls.hpp"
 #include "common/verification/control_events.hpp"
@@ -375,7 +374,7 @@ int main(int argc, char** argv) {
   if (const auto end = line.parse(argc, argv)) return *end;
   if (options.live) catch_stop_signals();
   for (const Verb& verb : verbs) {
-    if (verb.given()) options.function = verb.name();
+    if (verb.is_given()) options.function = verb.name();
   }
   return exit_code(call_contract(options));
 }

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::ground {
 namespace {

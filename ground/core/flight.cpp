@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "common/base/enum_count.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::ground::json {
 namespace {

@@ -10,7 +10,7 @@
 #include <set>
 #include <span>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 #include "ground/json/strict.hpp"
 #include "ground/motion/waypoints.hpp"

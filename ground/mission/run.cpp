@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/enum_count.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "ground/json/strict.hpp"
 #include "ground/mission/mission.hpp"
 

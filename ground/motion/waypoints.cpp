@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "common/base/enum_count.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::ground::motion {
 namespace {

@@ -9,7 +9,7 @@
 #include <limits>
 #include <utility>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "ground/core/controller.hpp"
 #include "ground/plugin/controller_plugin.h"
 

@@ -9,7 +9,7 @@
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/tls/certificate_watch.hpp"
-#include "common/program/recorder.hpp"
+#include "common/program/program.hpp"
 #include "ground/core/flight_view.hpp"
 #include "ground/shell/channel.hpp"
 #include "ground/shell/inbox.hpp"

@@ -2,9 +2,7 @@
 #include <atomic>
 #include <deque>
 #include <functional>
-#include <memory>
 #include <string>
-#include <vector>
 
 #include "common/fabric/client/client.hpp"
 #include "common/rt/mailbox.hpp"

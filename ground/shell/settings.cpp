@@ -29,7 +29,7 @@ void read_path(Config& config, FlightConfig& flight) {
       {"flight.shape", "the path; manual: a pilot's ROS 2 messages instead; waypoints: a path of your own"},
       {"square", "triangle", "x", "eight", "manual", "waypoints"}, "square");
   flight.manual = shape == "manual";
-  if (shape == "waypoints" || config.describes()) {
+  if (shape == "waypoints" || config.is_describing()) {
     flight.waypoints = read_waypoints_of(
         config, {"flight.waypoints", "CSV file of x,y[,z[,speed]], for shape = \"waypoints\" and for no other",
                  "must be there with that shape"});
@@ -100,11 +100,11 @@ void read_plugin(Config& config, FlightConfig& flight) {
 void read_task(Config& config, const std::string& key, FlightConfig& flight, FlightDrone& drone) {
   const std::string shape = config.choice({key + "shape", "its own path, in the place of the flight's", "the flight's"},
                                           {"flight", "square", "triangle", "x", "eight", "waypoints"}, "flight");
-  if (shape == "flight" && !config.describes()) return;
-  if (flight.manual && !config.describes())
+  if (shape == "flight" && !config.is_describing()) return;
+  if (flight.manual && !config.is_describing())
     config.wrong(key + "shape", "must not be there with [flight] shape = \"manual\", which has no path");
   Task task{flight.shape, flight.side_m, {}, flight.controller.speed_mps, flight.laps};
-  if (shape == "waypoints" || config.describes()) {
+  if (shape == "waypoints" || config.is_describing()) {
     task.waypoints = read_waypoints_of(
         config, {key + "waypoints", "as flight.waypoints", "must be there with shape = \"waypoints\""});
   } else {

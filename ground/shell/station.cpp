@@ -1,6 +1,5 @@
 #include "ground/shell/station.hpp"
 
-#include <functional>
 #include <utility>
 
 #include "common/rt/clock.hpp"

@@ -35,7 +35,7 @@ int main(int argc, char** argv) {
     acts.push_back(add(line));
   if (const auto end = line.parse(argc, argv)) return *end;
   for (const verbs::Act& verb : acts) {
-    if (verb.verb.given()) return verb.act();
+    if (verb.verb.is_given()) return verb.act();
   }
   return 0;  // not reached: one of them is required
 }

@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <utility>
 
-#include "common/base/printable.hpp"
-#include "common/process/find_program.hpp"
+#include "common/base/text.hpp"
+#include "common/process/children.hpp"
 #include "ground/core/follower.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/sitl/world_setup.hpp"
@@ -115,7 +115,7 @@ void OwnProgram::add_line(const std::string& line) {
 
 void OwnProgram::end() {
   if (!started_) return;
-  if (running()) {
+  if (is_running()) {
     ended_here_ = true;
     children_.stop(name, program_timeout_ns);
   }
@@ -129,7 +129,7 @@ Verdict OwnProgram::verdict(TimeNs at_ns) const {
     verdict.broke(at_ns, "it was never started");
   } else if (ended_here_) {
     verdict.broke(at_ns, "it still ran when the flight's time was up");
-  } else if (!children_.ended_well(name)) {
+  } else if (!children_.has_succeeded(name)) {
     verdict.broke(at_ns,
                   fmt::format("it {}: {}", children_.how_it_ended(name), printable(children_.log_tail(name, 3))));
   }

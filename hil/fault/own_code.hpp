@@ -43,7 +43,7 @@ class OwnProgram {
   Status start(const std::vector<std::string>& before, const std::vector<std::string>& environment);
   void add_line(const std::string& line);
   bool started() const { return started_; }
-  bool running() const { return children_.running(name); }
+  bool is_running() const { return children_.is_running(name); }
   /// Ends it where it still runs: then it has not ended by itself. With it, what it started in its process group.
   void end();
   /// Whether it ended by itself, with exit code 0; as a rule of the run.

@@ -57,7 +57,7 @@ std::vector<PilotRow> read_pilot(Config& config, int drones) {
     row.at = config.text({prefix + "at", "when, as of a fault"}, "1s");
     const std::string lasts = config.text({prefix + "for", "of fly: said again for so long"}, "");
     const std::string drone = config.text({prefix + "drone", "to whom; * is everybody"}, "*");
-    if (text.empty() || config.describes()) continue;
+    if (text.empty() || config.is_describing()) continue;
     if (!parse_do(text, row)) config.wrong(prefix + "do", std::string(pilot_words));
     const auto trigger = parse_trigger(row.at);
     if (!trigger) {

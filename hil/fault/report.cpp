@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/enum_count.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
 #include "common/rt/histogram.hpp"

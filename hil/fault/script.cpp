@@ -88,7 +88,7 @@ void read_tasks(Config& config, const std::string& folder, WorldConfig& flight) 
     read_course(config, prefix, folder, task);
     int number = 1;
     while (number <= flight.drones && drone_name(number) != name) ++number;
-    if (config.describes() || name.empty()) continue;
+    if (config.is_describing() || name.empty()) continue;
     if (number > flight.drones) {
       config.wrong(prefix + "drone",
                    fmt::format("must be one that flies here: {} to {}", drone_name(1), drone_name(flight.drones)));

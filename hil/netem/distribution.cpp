@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {

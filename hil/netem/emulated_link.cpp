@@ -1,7 +1,6 @@
 #include "hil/netem/emulated_link.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace ledgerline::hil {
 namespace {

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {

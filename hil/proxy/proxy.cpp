@@ -14,8 +14,8 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/program/socket/command_socket.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/command_socket.hpp"
+#include "common/program/program.hpp"
 #include "hil/proxy/server_side.hpp"
 
 namespace ledgerline::hil::proxy {

@@ -7,7 +7,7 @@
 #include <type_traits>
 
 #include "common/base/enum_count.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil::proxy {

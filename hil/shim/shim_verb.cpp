@@ -9,14 +9,12 @@
 #include <ctime>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/config/config.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/settings.hpp"
 #include "hil/shim/scripted_agent.hpp"
@@ -355,7 +353,7 @@ Status ShimVerb::read() {
     return Error{"--memory FILE is needed (or --plans with --udp)"};
   if (!plans_.empty() && !faults_file_.empty()) return Error{"--script: with --plans its file has the [[fault]]s"};
   for (const char* option : {"--trace", "--drones", "--mocap-hz", "--config"}) {
-    if (!plans_.empty() && verb_.given(option))
+    if (!plans_.empty() && verb_.is_given(option))
       return Error{fmt::format("{}: does nothing with --plans, whose file has the drones and whose poses are the truth",
                                option)};
   }

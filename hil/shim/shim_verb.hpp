@@ -26,7 +26,7 @@ class ShimVerb {
   static const char* const about;
 
   explicit ShimVerb(Verb verb);
-  bool is_given() const { return verb_.given(); }
+  bool is_given() const { return verb_.is_given(); }
   /// The exit code.
   int run();
 

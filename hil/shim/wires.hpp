@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 #include "hil/netem/emulated_link.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/switches.hpp"

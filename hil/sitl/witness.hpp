@@ -1,6 +1,5 @@
 #pragma once
 #include <deque>
-#include <span>
 #include <string>
 #include <string_view>
 #include <unordered_set>

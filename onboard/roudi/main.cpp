@@ -7,9 +7,7 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/recorder.hpp"
-#include "common/program/service/service_manager.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/service_manager.hpp"
 #include "onboard/roudi/broker.hpp"
 
 namespace ledgerline::roudi {

@@ -1,8 +1,6 @@
 #include "sim/core/simulator.hpp"
 
-#include <algorithm>
 #include <cassert>
-#include <cmath>
 #include <deque>
 
 #include "sim/core/firmware/pilot.hpp"

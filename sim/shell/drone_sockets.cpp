@@ -11,8 +11,8 @@
 #include <cerrno>
 #include <cstring>
 
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::sim {
 namespace {

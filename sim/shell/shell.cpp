@@ -9,12 +9,11 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/dds/dds.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/msg/ros.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/trace.hpp"
 #include "sim/core/sensors.hpp"
 #include "sim/core/simulator.hpp"

@@ -5,6 +5,7 @@ import pathlib
 import subprocess
 
 import netns
+import pytest
 from trace_file import records
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
@@ -52,3 +53,16 @@ class Drones:
         self.process.stdout.close()
         for namespace in (self.sky, *self.clients):
             namespace.close()
+
+
+@pytest.fixture
+def drones(tmp_path):
+    made = []
+
+    def make(count: int, clients: int = 1, *options: str) -> Drones:
+        made.append(Drones(tmp_path, count, clients, *options))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()

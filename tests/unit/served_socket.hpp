@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 namespace ledgerline {
 

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/transaction.hpp"
 #include "peer/transaction.pb.h"

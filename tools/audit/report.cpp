@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "common/access/access.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"

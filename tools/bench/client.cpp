@@ -16,7 +16,6 @@
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/verification/calls.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"

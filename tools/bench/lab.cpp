@@ -66,10 +66,10 @@ Network::Network(Place place, Settings settings, fs::path dir, const std::atomic
       dir_(std::move(dir)),
       interrupts_(interrupts),
       name_(place_.embedded ? "node" : "fabric"),
-      children_({[this](const std::string&, const std::string& line) { ready_ = line; }}) {}
+      children_([this](const std::string&, const std::string& line) { ready_ = line; }) {}
 
 Network::~Network() {
-  if (children_.running(name_)) children_.stop(name_, network_timeout_ns);
+  if (children_.is_running(name_)) children_.stop(name_, network_timeout_ns);
 }
 
 Status Network::wait_for_line(const std::string& name, TimeNs limit_ns) {
@@ -77,7 +77,7 @@ Status Network::wait_for_line(const std::string& name, TimeNs limit_ns) {
   const TimeNs until_ns = monotonic_ns() + limit_ns;
   while (ready_.empty()) {
     if (interrupts_ > 0) return Error{"interrupted"};
-    if (!children_.running(name)) {
+    if (!children_.is_running(name)) {
       return Error{fmt::format("{} {}.{}", name, children_.how_it_ended(name), tail(children_, name, log))};
     }
     if (monotonic_ns() > until_ns) {
@@ -185,7 +185,7 @@ Status Network::enroll() {
 }
 
 Result<json> Network::down() {
-  if (!children_.running(name_)) {
+  if (!children_.is_running(name_)) {
     return Error{
         fmt::format("{} {}.{}", name_, children_.how_it_ended(name_), tail(children_, name_, dir_ / (name_ + ".log")))};
   }
@@ -210,7 +210,7 @@ class Pair {
         schedule_(schedule),
         dir_(std::move(dir)),
         interrupts_(interrupts),
-        children_({[this](const std::string& name, const std::string& line) { on_line(name, line); }}) {}
+        children_([this](const std::string& name, const std::string& line) { on_line(name, line); }) {}
 
   Result<Turn> run() {
     if (competitor_.endorser == Competitor::Endorser::beside) {
@@ -222,20 +222,20 @@ class Pair {
       if (auto s = start(name); !s) return s.error();
     }
     const TimeNs until_ns = monotonic_ns() + from_seconds(schedule_.length_s() + overtime_s);
-    while (children_.running("a") && children_.running("b") && monotonic_ns() < until_ns) {
+    while (children_.is_running("a") && children_.is_running("b") && monotonic_ns() < until_ns) {
       if (interrupts_ > 0) return Error{"interrupted"};
       children_.poll(watch_ns);
     }
-    run_.timed_out = children_.running("a");
+    run_.timed_out = children_.is_running("a");
     for (const auto& [name, _] : endorsers_) {
-      if (!children_.running(name))
+      if (!children_.is_running(name))
         run_.why = fmt::format("{} {}.{}", name, children_.how_it_ended(name), tail(children_, name, log(name)));
     }
     for (const char* name : {"a", "b"}) {
-      const bool died = !children_.running(name) && !children_.ended_well(name);
+      const bool died = !children_.is_running(name) && !children_.has_succeeded(name);
       if (died)
         run_.why = fmt::format("side {} {}.{}", name, children_.how_it_ended(name), tail(children_, name, log(name)));
-      if (children_.running(name)) children_.stop(name, client_timeout_ns);
+      if (children_.is_running(name)) children_.stop(name, client_timeout_ns);
     }
     children_.poll(0);  // what they said last
     run_.competitor = competitor_.id;
@@ -267,9 +267,9 @@ class Pair {
     const TimeNs until_ns = monotonic_ns() + client_limit_ns;
     while (!there()) {
       if (interrupts_ > 0) return Error{"interrupted"};
-      if (!children_.running(name) || monotonic_ns() > until_ns) {
+      if (!children_.is_running(name) || monotonic_ns() > until_ns) {
         return Error{fmt::format("{}, {}: {}.{}", competitor_.title, name,
-                                 children_.running(name) ? "not ready in time" : children_.how_it_ended(name),
+                                 children_.is_running(name) ? "not ready in time" : children_.how_it_ended(name),
                                  tail(children_, name, log(name)))};
       }
       children_.poll(watch_ns);

@@ -1,8 +1,6 @@
 #pragma once
 #include <atomic>
 #include <filesystem>
-#include <functional>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>

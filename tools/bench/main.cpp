@@ -6,10 +6,9 @@
 #include <csignal>
 
 #include "common/base/log.hpp"
-#include "common/process/find_program.hpp"
+#include "common/process/children.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "tools/bench/measurement.hpp"
 #include "tools/launcher/machine.hpp"
 

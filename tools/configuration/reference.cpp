@@ -68,8 +68,8 @@ Status read_ground(Config& config) {
 }
 // A file has hosts, or drones that are there already; the reference has both.
 Status read_deployment(Config& config) {
-  const bool of_own_drones = config.describes() || deployment::is_of_own_drones(config);
-  if (config.describes() || !of_own_drones) {
+  const bool of_own_drones = config.is_describing() || deployment::is_of_own_drones(config);
+  if (config.is_describing() || !of_own_drones) {
     const auto read = deployment::read(config);
     if (!of_own_drones) return status_of(read);
   }

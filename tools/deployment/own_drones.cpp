@@ -22,7 +22,7 @@ std::string plain_text(Config& config, const Key& key, std::string text) {
 
 std::vector<OwnDrone> read_each(Config& config) {
   const std::size_t count = config.table_count({"drone", "1 to 16 of them"});
-  if (!config.describes() && (count == 0 || count > max_drones))
+  if (!config.is_describing() && (count == 0 || count > max_drones))
     config.wrong("drone", fmt::format("must be 1 to {} tables", max_drones));
   std::vector<OwnDrone> drones;
   std::set<std::string> names, ways;
@@ -64,11 +64,11 @@ void read_pose(Config& config, OwnDrones& out) {
                       "of mocap: whose clock its stamps are of, as agent's mocap.clock; \"\": agent's default"};
   const std::string topic = plain_text(config, topic_key, config.text(topic_key, ""));
   const std::string clock = plain_text(config, clock_key, config.text(clock_key, ""));
-  if (config.describes()) return;
+  if (config.is_describing()) return;
   const auto known = from_name<link::PoseSource>(out.pose_source);
   if (known != link::PoseSource::mocap && out.pose_source != "none") {
-    config.left_to_another("pose");
-    config.left_to_another("pad");
+    config.skip_table("pose");
+    config.skip_table("pad");
     out.link_tables += config.table_text("pose", {"topic", "clock"}) + config.table_text("pad");
   }
   if (!known || !link::uses_mocap(*known)) {
@@ -88,7 +88,7 @@ void read_pose(Config& config, OwnDrones& out) {
 // A drone without a fence, or with one that somebody else's room has, is dangerous: both corners are said.
 void read_fence_and_limits(Config& config, OwnDrones& out) {
   link::read_bounds(config, out.link);
-  if (config.describes()) return;
+  if (config.is_describing()) return;
   for (const char* corner : {"fence.min_m", "fence.max_m"}) {
     if (config.numbers(corner, 3, {}).empty())
       config.wrong(corner, "must be there, x, y, z in m: real drones are not flown without a fence");
@@ -127,7 +127,7 @@ LedgerFile read_ledger_file(Config& config, const std::string& key, const std::s
     if (!files) config.wrong(key, path + ": " + files.error().message);
     if (files) out.files = std::move(*files);
   }
-  for (const char* table : {"ledger", "orderer", "endorser", "peer", "msp"}) file->left_to_another(table);
+  for (const char* table : {"ledger", "orderer", "endorser", "peer", "msp"}) file->skip_table(table);
   if (auto status = file->finish(); !status) config.wrong(key, status.error().message);
   return out;
 }
@@ -145,7 +145,7 @@ void read_own_ledger(Config& config, OwnDrones& out) {
       {"ledger.admin", "likewise of who enrols agent for the drones; \"\": that was done"}};
   std::string paths[3];
   for (std::size_t i = 0; i < 3; ++i) paths[i] = config.text(keys[i], "");
-  if (config.describes()) return;
+  if (config.is_describing()) return;
   if (kind != existing) {
     out.ledger = ledger_kind_of(kind);
     for (std::size_t i = 0; i < 3; ++i) {
@@ -177,7 +177,7 @@ void read_flight(Config& config, OwnDrones& out) {
       from_seconds(config.number({"flight.wait_s", "for all drones to be there before take-off, or none takes off"},
                                  to_seconds(flight.wait_ns), 1, 600));
   flight.laps = static_cast<int>(config.integer({"flight.laps", "to fly"}, flight.laps, 1, 1000));
-  if (!config.describes() && flight.speed_mps > static_cast<double>(out.link.playout.max_speed_mps))
+  if (!config.is_describing() && flight.speed_mps > static_cast<double>(out.link.playout.max_speed_mps))
     config.wrong("flight.speed_mps", "must not be above limits.speed_mps");
 }
 

@@ -6,13 +6,12 @@
 
 #include "chaincode/network/files/authority.hpp"
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/process/find_program.hpp"
+#include "common/process/children.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/secrets.hpp"
 #include "common/rt/clock.hpp"
 #include "tools/identity/core/authority_commands.hpp"
 #include "tools/identity/shell/place.hpp"
@@ -301,7 +300,7 @@ int main(int argc, char** argv) {
   status.flag("--json", options.json, "as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
   for (const Verb& verb : {enroll, renew, revoke, status}) {
-    if (verb.given()) return run(options, verb.name());
+    if (verb.is_given()) return run(options, verb.name());
   }
   return exit_usage;
 }

@@ -2,7 +2,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"

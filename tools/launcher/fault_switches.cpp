@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/rt/clock.hpp"
 #include "hil/proxy/switches.hpp"
 
@@ -121,7 +121,7 @@ Result<std::string> SwitchService::act(const std::string& command) {
   if (!step) return step.error();
   if (*step) {
     switches_.on_sent(**step);
-    if (const auto reported = tell_command(proxy_, (*step)->line, proxy_timeout_ns); !reported) return reported.error();
+    if (const auto reported = send_command(proxy_, (*step)->line, proxy_timeout_ns); !reported) return reported.error();
     switches_.on_done(**step);
   }
   return switches_.list();
@@ -130,7 +130,7 @@ Result<std::string> SwitchService::act(const std::string& command) {
 // One that is not switched off stays on the list, and is tried again.
 void SwitchService::switch_off() {
   for (const FaultSwitches::Step& step : switches_.steps_off()) {
-    if (!tell_command(proxy_, step.line, proxy_timeout_ns)) return;
+    if (!send_command(proxy_, step.line, proxy_timeout_ns)) return;
     switches_.on_done(step);
   }
 }

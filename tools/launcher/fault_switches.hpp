@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 namespace ledgerline::launcher {
 

@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "sim/core/sensors.hpp"
 #include "tools/checks/shell/probes.hpp"
@@ -139,7 +138,7 @@ void Launcher::show_page(const std::string& url) {
 }
 
 void Launcher::record_early_end(const std::string& name) {
-  if (!programs_.ended_well(name)) record_.ended_early.emplace_back(name, programs_.how_it_ended(name));
+  if (!programs_.has_succeeded(name)) record_.ended_early.emplace_back(name, programs_.how_it_ended(name));
 }
 
 Status Launcher::start_all() {
@@ -225,8 +224,8 @@ Status Launcher::fly() {
     const TimeNs now_ns = monotonic_ns();
     meter.record(now_ns);
     live_.show(now_ns);
-    if (!programs_.running(controller_) && !is_controller_restarted()) {
-      if (!programs_.ended_well(controller_)) result = Error{programs_.why_controller_ended()};
+    if (!programs_.is_running(controller_) && !is_controller_restarted()) {
+      if (!programs_.has_succeeded(controller_)) result = Error{programs_.why_controller_ended()};
       // Its exit code says how the flight went.
       if (programs_.how_it_ended(controller_).find("signal") != std::string::npos) record_early_end(controller_);
       flying = false;
@@ -238,11 +237,11 @@ Status Launcher::fly() {
     if (!options_.own) given_up.push_back("sim");
     if (options_.proxy) given_up.push_back(proxy_name);
     for (const auto& name : given_up) {
-      if (programs_.running(name)) continue;
+      if (programs_.is_running(name)) continue;
       record_early_end(name);
       if (result) result = Error{programs_.crash_of(name, "during the flight")};
     }
-    if (options_.endorser && !endorser_gone_ && !programs_.running("endorser")) {
+    if (options_.endorser && !endorser_gone_ && !programs_.is_running("endorser")) {
       endorser_gone_ = true;
       record_early_end("endorser");
       live_.print(fmt::format("endorser {}: the peer endorses in its place", programs_.how_it_ended("endorser")));
@@ -274,7 +273,7 @@ bool Launcher::is_controller_restarted() const {
 Status Launcher::supervise_onboard(TimeNs now_ns) {
   if (chunks_leaked_ && !live_.anything_in_air()) recycle_shared_memory();
   for (Onboard& one : onboard_) {
-    if (programs_.running(one.name)) continue;
+    if (programs_.is_running(one.name)) continue;
     if (one.start_at_ns == 0) {
       if (one.name != "link" || !std::exchange(link_given_up_, false)) record_early_end(one.name);
       if (SwitchService* switches = ledger_.switches(); switches && one.name == controller_)
@@ -322,7 +321,7 @@ Status Launcher::start_again(const std::string& name) {
 }
 
 void Launcher::recycle_shared_memory() {
-  if (!programs_.running("roudi")) return;
+  if (!programs_.is_running("roudi")) return;
   chunks_leaked_ = false;
   live_.print("RouDi lost shared memory with a process that was killed: it restarts, nothing is in the air");
   programs_.signal("roudi", SIGTERM);
@@ -333,25 +332,25 @@ void Launcher::stop_all(bool landed) {
   ledger_.end_switches();
   std::vector<std::string> order{controller_, "agent",           "link", proxy_name, "endorser",
                                  "sim",       ledger_.program(), "roudi"};
-  if (!landed && !programs_.is_impatient() && programs_.running("link") && (options_.own || programs_.running("sim")) &&
+  if (!landed && !programs_.is_impatient() && programs_.is_running("link") && (options_.own || programs_.is_running("sim")) &&
       live_.anything_in_air()) {
     live_.print("Landing all drones");
     programs_.signal("link", SIGTERM);
     const TimeNs until_ns = monotonic_ns() + landing_timeout_ns;
-    while (programs_.running("link") && monotonic_ns() < until_ns && !programs_.is_impatient()) {
+    while (programs_.is_running("link") && monotonic_ns() < until_ns && !programs_.is_impatient()) {
       programs_.poll(watch_ns);
       live_.show(monotonic_ns());
     }
   }
   for (const auto& name : order) {
-    if (name.empty() || !programs_.running(name)) continue;
+    if (name.empty() || !programs_.is_running(name)) continue;
     const TimeNs timeout = name == "fabric" ? fabric_timeout_ns : programs_.is_impatient() ? ns_per_s : timeout_ns;
     const bool in_time = programs_.stop(name, timeout);
     if (!in_time && !programs_.is_impatient()) {
       record_.ok = false;
       record_.why +=
           fmt::format("{}{} did not end when asked to and was killed", record_.why.empty() ? "" : "; ", name);
-    } else if (in_time && landed && !programs_.ended_well(name)) {
+    } else if (in_time && landed && !programs_.has_succeeded(name)) {
       record_.ok = false;
       record_.why += (record_.why.empty() ? "" : "; ") + programs_.crash_of(name, "while ending");
     }
@@ -363,8 +362,8 @@ RunRecord Launcher::run() {
   if (status) status = fly();
   record_.ok = status.ok();
   if (!status) record_.why = status.error().message;
-  stop_all(programs_.ended_well(controller_));
-  if (!programs_.ended_well("roudi")) remove_roudi_leftovers();
+  stop_all(programs_.has_succeeded(controller_));
+  if (!programs_.has_succeeded("roudi")) remove_roudi_leftovers();
   return record_;
 }
 

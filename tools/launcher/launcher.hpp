@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "common/process/children.hpp"
-#include "common/process/restarts.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/fault_switches.hpp"
 #include "tools/launcher/live.hpp"

@@ -21,7 +21,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "common/process/find_program.hpp"
+#include "common/process/children.hpp"
 #include "tools/checks/shell/probes.hpp"
 
 namespace ledgerline::launcher {

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <csignal>
 #include <ctime>
 #include <filesystem>
@@ -10,9 +9,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"

@@ -248,7 +248,7 @@ Status check_together(const CommandLine& line, const Options& o) {
       {"--ramp", !o.manual && o.seconds == 0, "goes with a path and its laps"},
   };
   for (const auto& [option, fits, why] : rules) {
-    if (!fits && line.given(option)) return Error{fmt::format("{} {}", option, why)};
+    if (!fits && line.is_given(option)) return Error{fmt::format("{} {}", option, why)};
   }
   if (pose_of(o) == "none" && !o.manual)
     return Error{"a path needs poses: without (--pose none, or a deployment's pose.source) the shape is manual"};
@@ -341,10 +341,10 @@ Status apply_deployment(const CommandLine& line, Words& words, Options& o) {
   o.drones = static_cast<int>(own->drones.size());
   words.ledger = deployment::name_of(own->ledger);
   const deployment::OwnFlight& flight = own->flight;
-  if (!line.given("--shape")) words.shape = flight.shape;
-  if (!line.given("--side")) o.side_m = flight.side_m;
-  if (!line.given("--speed")) o.speed_mps = flight.speed_mps;
-  if (!line.given("--laps")) o.laps = flight.laps;
+  if (!line.is_given("--shape")) words.shape = flight.shape;
+  if (!line.is_given("--side")) o.side_m = flight.side_m;
+  if (!line.is_given("--speed")) o.speed_mps = flight.speed_mps;
+  if (!line.is_given("--laps")) o.laps = flight.laps;
   o.own = std::move(*own);
   return done;
 }

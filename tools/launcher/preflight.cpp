@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/proto_json.hpp"
 #include "sim/core/parameters.hpp"
 #include "tools/launcher/configs.hpp"

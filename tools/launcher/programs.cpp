@@ -25,7 +25,7 @@ int death_signal(const std::string& name, bool real_drones) {
 Programs::Programs(const Options& options, const RunFiles& files, std::string folder,
                    const std::atomic<int>& interrupts,
                    std::function<void(const std::string& name, const json& message, const std::string& line)> on_line)
-    : Children({[this](const std::string& name, const std::string& line) { on_output(name, line); }}),
+    : Children([this](const std::string& name, const std::string& line) { on_output(name, line); }),
       options_(options),
       files_(files),
       folder_(std::move(folder)),
@@ -49,7 +49,7 @@ Status Programs::start(const std::string& name, std::vector<std::string> argumen
 Status Programs::check() const {
   if (interrupts_ > 0) return Error{"interrupted before take-off"};
   for (const std::string& name : names()) {
-    if (running(name) || ended_well(name)) continue;
+    if (running(name) || has_succeeded(name)) continue;
     return Error{name == controller_program(options_) ? why_controller_ended() : crash_of(name, "before take-off")};
   }
   return done;
@@ -81,7 +81,7 @@ Status Programs::run_to_end(const std::string& name, std::vector<std::string> ar
       return Error{fmt::format("{} did not end within {:.0f} s", name, to_seconds(ready_limit_ns))};
     poll(poll_ns);
   }
-  if (!ended_well(name)) return Error{crash_of(name, "before take-off")};
+  if (!has_succeeded(name)) return Error{crash_of(name, "before take-off")};
   return done;
 }
 

@@ -2,12 +2,11 @@
 #include <atomic>
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
-#include "common/program/recorder.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "ground/shell/settings.hpp"
 #include "onboard/agent/core/mocap.hpp"

@@ -1,6 +1,5 @@
 #include "common/dds/dds.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "tools/local/local.hpp"
 
 namespace {

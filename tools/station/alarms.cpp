@@ -2,7 +2,6 @@
 
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
 

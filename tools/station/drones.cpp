@@ -8,8 +8,6 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/secrets.hpp"
-#include "common/program/stop_signals.hpp"
 #include "ground/mission/mission.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
@@ -197,9 +195,9 @@ struct Verbs {
     line.renamed("lift", "clear_stop");
     line.verbs_are_optional();
   }
-  std::string given() const {
+  std::string chosen() const {
     for (const Verb& verb : all) {
-      if (verb.given()) return verb.name();
+      if (verb.is_given()) return verb.name();
     }
     return "";
   }
@@ -225,7 +223,7 @@ int main(int argc, char** argv) {
   line.flag("--watch", verb_options.watch, "print again at each change, until SIGINT");
   const Verbs verbs(line, verb_options);
   if (const auto end = line.parse(argc, argv)) return *end;
-  const std::string verb = verbs.given();
+  const std::string verb = verbs.chosen();
   if (!verb_options.drone.empty()) verb_options.names = {verb_options.drone};
   if (const std::string why = nonsense(verb_options, verb); !why.empty()) return fail(Error{why}, exit_usage);
   return run(verb_options.options,

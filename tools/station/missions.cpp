@@ -102,7 +102,7 @@ int main(int argc, char** argv) {
   line.verbs_are_optional();
   if (const auto end = line.parse(argc, argv)) return *end;
   std::string verb;
-  for (const Verb& one : verbs) verb += one.given() ? one.name() : "";
+  for (const Verb& one : verbs) verb += one.is_given() ? one.name() : "";
   if (!verb_options.id.empty() && !ground::mission::is_name(verb_options.id))
     return fail(Error{"ID is a mission's, as `ledgerline missions` lists it"}, exit_usage);
   return run(verb_options.options, [&](Station& station, const Target&) { return act(station, verb_options, verb); });

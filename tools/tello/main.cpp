@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/dds/dds.hpp"
 #include "common/program/command_line.hpp"
@@ -219,9 +218,9 @@ int main(int argc, char** argv) {
       .shows_default();
   looking.flag("--json", options.json, "as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (looking.given()) return preflight(options);
-  if (calibration.given()) return calibrate(options);
-  if (find.given()) return show(options, options.addresses);
-  if (info.given()) return show(options, {options.address});
-  return join.given() ? join_wifi(options) : land(options);
+  if (looking.is_given()) return preflight(options);
+  if (calibration.is_given()) return calibrate(options);
+  if (find.is_given()) return show(options, options.addresses);
+  if (info.is_given()) return show(options, {options.address});
+  return join.is_given() ? join_wifi(options) : land(options);
 }

@@ -10,7 +10,6 @@
 #include "common/base/file.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/metrics.hpp"
 #include "tools/timing/self_test.hpp"

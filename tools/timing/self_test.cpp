@@ -10,7 +10,6 @@
 #include <thread>
 
 #include "common/process/children.hpp"
-#include "common/process/find_program.hpp"
 #include "common/process/usage.hpp"
 #include "common/rt/loop_ticker.hpp"
 #include "tools/timing/metrics.hpp"
@@ -101,7 +100,7 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
   while (!entered) ::usleep(1000);
 
   std::string output;
-  Children children({[&](const std::string&, const std::string& line) { output += line + "\n"; }});
+  Children children([&](const std::string&, const std::string& line) { output += line + "\n"; });
   const std::string file = find_program("cyclictest", "/usr/bin:/usr/sbin");
   if (file.empty()) {
     test.why_no_cyclictest = "cyclictest is not installed: apt-get install rt-tests";
@@ -111,14 +110,14 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
     test.why_no_cyclictest = s.error().message;
   }
   const TimeNs until_ns = begin_ns + from_seconds(asked.seconds) + timeout_ns;
-  while (!ended || (children.running("cyclictest") && monotonic_ns() < until_ns)) children.poll(50 * ns_per_ms);
+  while (!ended || (children.is_running("cyclictest") && monotonic_ns() < until_ns)) children.poll(50 * ns_per_ms);
   loop.join();
   test.seconds = to_seconds(monotonic_ns() - begin_ns);
   test.steal_s = read_host(core).steal_s - steal_before_s;
   if (!test.why_no_cyclictest.empty()) return test;
-  if (!children.ended_well("cyclictest")) {
-    test.why_no_cyclictest = children.running("cyclictest") ? "cyclictest did not end in time"
-                                                            : "cyclictest " + children.how_it_ended("cyclictest");
+  if (!children.has_succeeded("cyclictest")) {
+    test.why_no_cyclictest = children.is_running("cyclictest") ? "cyclictest did not end in time"
+                                                               : "cyclictest " + children.how_it_ended("cyclictest");
     return test;
   }
   if (auto parsed = parse_cyclictest(output)) {

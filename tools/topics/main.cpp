@@ -9,7 +9,6 @@
 #include "common/base/file.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "tools/topics/show.hpp"
 
 namespace {

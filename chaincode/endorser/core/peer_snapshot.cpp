@@ -9,8 +9,7 @@
 #include <vector>
 
 #include "chaincode/node/core/tx/messages.hpp"
-#include "common/base/files/byte_reader.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/channel_state.hpp"
@@ -37,7 +36,7 @@ class GoReader : public ByteReader {
   std::uint64_t number() {
     std::uint64_t value = 0;
     for (int shift = 0; shift < 64; shift += 7) {
-      const std::string_view byte = take(1);
+      const std::string_view byte = read(1);
       const auto bits = byte.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(byte.front());
       value |= static_cast<std::uint64_t>(bits & 0x7fU) << shift;
       if (bits < 0x80 && (shift < 63 || bits <= 1)) return value;
@@ -45,7 +44,7 @@ class GoReader : public ByteReader {
     expect(false);
     return 0;
   }
-  std::string_view text() { return take(number()); }
+  std::string_view text() { return read(number()); }
 };
 
 /// Behind the byte of the format.
@@ -122,7 +121,7 @@ std::optional<Record> record_of(std::string_view bytes) {
     const std::uint64_t tag = from.number(), field = tag >> 3;
     if ((tag & 7) != bytes_follow || field <= before || field > fields.size()) return std::nullopt;
     *fields[field - 1] = from.text();
-    if (!from.whole()) return std::nullopt;
+    if (!from.is_whole()) return std::nullopt;
     before = field;
   }
   return out;
@@ -167,7 +166,7 @@ Result<std::vector<std::pair<std::string_view, std::uint64_t>>> read_counts(std:
     if (!rows.empty() && name <= rows.back().first) return damaged;
     rows.emplace_back(name, from->number());
   }
-  if (!from->whole() || !from->at_end()) return damaged;
+  if (!from->is_whole() || !from->at_end()) return damaged;
   return rows;
 }
 
@@ -199,7 +198,7 @@ Status read_states(const PeerSnapshotFiles& files, const std::string& contract, 
                                                                          : nullptr;
     for (std::uint64_t i = 0; i < count; ++i) {
       const std::string_view bytes = from->text();
-      if (!from->whole()) return damaged;
+      if (!from->is_whole()) return damaged;
       if (values == nullptr) continue;
       const auto record = record_of(bytes);
       if (!record) return wrong(file::states, fmt::format("a record of {} is damaged", printable(name)));
@@ -219,7 +218,7 @@ Status read_ids(const PeerSnapshotFiles& files, std::uint64_t last, node::State:
   auto counts = behind_format(file::ids_count, files.ids_count);
   if (!counts) return counts.error();
   const std::uint64_t count = counts->number();
-  if (!counts->whole() || !counts->at_end()) return wrong(file::ids_count, "it is not whole");
+  if (!counts->is_whole() || !counts->at_end()) return wrong(file::ids_count, "it is not whole");
   auto from = behind_format(file::ids, files.ids);
   if (!from) return from.error();
   const auto damaged = wrong(file::ids, "it is not whole");
@@ -227,7 +226,7 @@ Status read_ids(const PeerSnapshotFiles& files, std::uint64_t last, node::State:
   for (std::uint64_t i = 0; i < count; ++i) {
     const std::string_view id = from->text();
     const bool in_order = i == 0 || std::pair(before.size(), before) < std::pair(id.size(), id);
-    if (!from->whole() || !in_order) return damaged;
+    if (!from->is_whole() || !in_order) return damaged;
     if (id.size() == fabric::id_digits) parts.txs.emplace(id, node::State::Tx{last, protos::NOT_VALIDATED});
     before = id;
   }

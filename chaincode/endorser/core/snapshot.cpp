@@ -1,9 +1,8 @@
 #include "chaincode/endorser/core/core.hpp"
 
-#include <cstring>
 #include <utility>
 
-#include "common/base/files/byte_reader.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::endorser {
 namespace {
@@ -34,13 +33,13 @@ class Reader : public ByteReader {
   using ByteReader::ByteReader;
 
   std::uint64_t number() {
-    const std::string_view bytes = take(8);
+    const std::string_view bytes = read(8);
     std::uint64_t value = 0;
     for (std::size_t i = 0; i < bytes.size(); ++i)
       value |= static_cast<std::uint64_t>(static_cast<unsigned char>(bytes[i])) << (8 * i);
     return value;
   }
-  std::string text() { return std::string(take(number())); }
+  std::string text() { return std::string(read(number())); }
   node::Version version() {
     const std::uint64_t block = number();
     return {block, number()};
@@ -49,7 +48,7 @@ class Reader : public ByteReader {
   std::uint64_t count(std::size_t min_bytes) {
     const std::uint64_t value = number();
     expect(value <= left() / min_bytes);
-    return whole() ? value : 0;
+    return is_whole() ? value : 0;
   }
 };
 
@@ -79,7 +78,7 @@ void write(Writer& to, const node::State& state) {
 
 node::State::Parts read_state(Reader& from) {
   node::State::Parts parts;
-  for (std::uint64_t left = from.count(48); left > 0 && from.whole(); --left) {
+  for (std::uint64_t left = from.count(48); left > 0 && from.is_whole(); --left) {
     std::string key = from.text();
     node::State::Value value;
     value.bytes = from.text();
@@ -89,14 +88,14 @@ node::State::Parts read_state(Reader& from) {
     from.expect(parts.values.empty() || parts.values.rbegin()->first < key);
     parts.values.emplace_hint(parts.values.end(), std::move(key), std::move(value));
   }
-  for (std::uint64_t left = from.count(16); left > 0 && from.whole(); --left) {
+  for (std::uint64_t left = from.count(16); left > 0 && from.is_whole(); --left) {
     std::string key = from.text();
     std::vector<node::Version> versions;
-    for (std::uint64_t more = from.count(16); more > 0 && from.whole(); --more) versions.push_back(from.version());
+    for (std::uint64_t more = from.count(16); more > 0 && from.is_whole(); --more) versions.push_back(from.version());
     from.expect(parts.history.empty() || parts.history.rbegin()->first < key);
     parts.history.emplace_hint(parts.history.end(), std::move(key), std::move(versions));
   }
-  for (std::uint64_t left = from.count(24); left > 0 && from.whole(); --left) {
+  for (std::uint64_t left = from.count(24); left > 0 && from.is_whole(); --left) {
     std::string id = from.text();
     const std::uint64_t block = from.number(), code = from.number();
     from.expect(code < 256 && parts.txs.emplace(std::move(id), node::State::Tx{block, static_cast<int>(code)}).second);
@@ -131,7 +130,7 @@ Result<Snapshot> read_snapshot(std::string_view bytes) {
   if (!of_before) contract.history_since = from.number();
   from.expect(contract.history_since <= out.end.height);
   out.contract = node::State(std::move(contract));
-  if (!from.whole() || !from.at_end() || out.end.height == 0) return Error{"an endorser's state is not whole"};
+  if (!from.is_whole() || !from.at_end() || out.end.height == 0) return Error{"an endorser's state is not whole"};
   return out;
 }
 

@@ -12,8 +12,6 @@
 #include "common/fabric/config.hpp"
 #include "common/fabric/tls/certificate_watch.hpp"
 #include "common/program/program.hpp"
-#include "common/program/shared_tables.hpp"
-#include "common/program/stop_signals.hpp"
 
 namespace {
 

@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "common/base/file.hpp"
-#include "common/base/files/owned_folder.hpp"
 #include "common/base/log.hpp"
 #include "common/base/random.hpp"
 #include "common/common.pb.h"

@@ -13,7 +13,7 @@
 #include "chaincode/network/options.hpp"
 #include "chaincode/network/processes/processes.hpp"
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"

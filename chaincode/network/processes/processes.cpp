@@ -21,10 +21,10 @@ constexpr std::size_t output_kept = 1 << 16;  // of a service; commands print a 
 }  // namespace
 
 Processes::Processes(std::string logs, Restarts::Limits limits)
-    : logs_(std::move(logs)), limits_(limits), children_({[this](const std::string& name, const std::string& line) {
+    : logs_(std::move(logs)), limits_(limits), children_([this](const std::string& name, const std::string& line) {
         std::string& all = output_[name];
         if (all.size() + line.size() < output_kept) all += line + "\n";
-      }}) {}
+      }) {}
 
 Status Processes::start(const std::string& name, const std::string& address, std::vector<std::string> command,
                         std::vector<std::string> environment, Scheduling scheduling) {
@@ -43,7 +43,7 @@ Status Processes::poll(TimeNs duration) {
   do {
     children_.poll(std::min<TimeNs>(std::max<TimeNs>(until - monotonic_ns(), 0), 50 * ns_per_ms));
     for (Service& service : services_) {
-      if (children_.running(service.name)) continue;
+      if (children_.is_running(service.name)) continue;
       if (Status s = restart_ended(service); !s) return s;
     }
   } while (monotonic_ns() < until);
@@ -93,7 +93,7 @@ Result<std::string> Processes::run(const std::string& what, std::vector<std::str
     return s.error();
   }
   const TimeNs until = monotonic_ns() + command_limit_ns;
-  while (children_.running(name)) {
+  while (children_.is_running(name)) {
     if (monotonic_ns() > until) {
       children_.stop(name, ns_per_s);
       return Error{fmt::format("{}: no end after {:.0f} s", what, to_seconds(command_limit_ns))};
@@ -101,7 +101,7 @@ Result<std::string> Processes::run(const std::string& what, std::vector<std::str
     children_.poll(10 * ns_per_ms);
   }
   const std::string printed = std::exchange(output_[name], {});
-  if (!children_.ended_well(name)) {
+  if (!children_.has_succeeded(name)) {
     return Error{
         fmt::format("{} {}:\n{}{}", what, children_.how_it_ended(name), printed, children_.log_tail(name, log_lines))};
   }
@@ -181,11 +181,11 @@ class Lanes {
   Status advance(std::size_t lane) {
     const Command& command = lanes_[lane][next_[lane]];
     const std::string name = name_of(lane);
-    if (children_.running(name)) {
+    if (children_.is_running(name)) {
       if (monotonic_ns() - since_ns_[lane] < each_command_limit_ns) return done;
       return Error{fmt::format("{}: no end after {:.0f} s", command.what, to_seconds(each_command_limit_ns))};
     }
-    if (!children_.ended_well(name)) {
+    if (!children_.has_succeeded(name)) {
       return Error{fmt::format("{} {}. The end of {}:\n{}", command.what, children_.how_it_ended(name), logs_[lane],
                                children_.log_tail(name, lines_of_a_failure))};
     }

@@ -5,7 +5,6 @@
 
 #include "common/base/result.hpp"
 #include "common/process/children.hpp"
-#include "common/process/restarts.hpp"
 
 namespace ledgerline::network {
 

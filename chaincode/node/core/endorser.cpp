@@ -3,7 +3,7 @@
 #include <map>
 
 #include "common/base/check.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 #include "ledger/rwset/rwset.pb.h"
 #include "peer/chaincode_event.pb.h"

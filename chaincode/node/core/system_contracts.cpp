@@ -3,7 +3,7 @@
 #include <charconv>
 
 #include "chaincode/node/core/types.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/ledger.pb.h"
 #include "peer/query.pb.h"

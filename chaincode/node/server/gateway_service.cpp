@@ -3,7 +3,7 @@
 #include "chaincode/node/server/calls.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "chaincode/node/server/streams.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "gateway/gateway.grpc.pb.h"
 
 namespace ledgerline::node {

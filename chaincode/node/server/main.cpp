@@ -9,7 +9,6 @@
 #include "common/fabric/tls/tls_server.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/rt/histogram.hpp"
 
 namespace {

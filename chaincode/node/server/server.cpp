@@ -8,7 +8,7 @@
 
 #include "chaincode/node/server/services.hpp"
 #include "common/base/log.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/tls/tls_server.hpp"
 
 namespace ledgerline::node {

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "chaincode/node/shell/block_feed.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 
 namespace ledgerline::node {

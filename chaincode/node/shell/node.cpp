@@ -6,7 +6,6 @@
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/check.hpp"
-#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
@@ -239,14 +238,14 @@ void Node::run_core() {
 
 /// What commands and stops need is kept for them before the disk is full for all.
 void Node::check_disk() {
-  const auto room = room_at(options_.dir);
+  const auto space = space_at(options_.dir);
   // A disk that cannot be queried cannot be written either: the error is reported where a block is written.
-  if (!room) return;
-  const bool nearly_full = room->free_bytes < std::min(options_.kept_bytes, room->all_bytes / 32);
+  if (!space) return;
+  const bool nearly_full = space->available < std::min(options_.kept_bytes, space->capacity / 32);
   if (core_->set_nearly_full(nearly_full) == nearly_full) return;
   if (nearly_full) {
     spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", options_.dir,
-                  room->free_bytes / 1'000);
+                  space->available / 1'000);
   } else {
     spdlog::warn("{} has room again: everything is ordered", options_.dir);
   }

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "common/base/files/private_file.hpp"
+#include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"

@@ -4,7 +4,7 @@
 #include <sys/stat.h>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 
 namespace ledgerline::crypto {

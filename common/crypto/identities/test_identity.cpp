@@ -1,7 +1,6 @@
 #include <algorithm>
-#include <map>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "msp/identities.pb.h"
 

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/tx/envelope.hpp"
 
 namespace ledgerline::fabric {

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/blocks/block_hand_over.hpp"
 #include "common/fabric/client/connection.hpp"
 #include "common/fabric/client/stream_thread.hpp"

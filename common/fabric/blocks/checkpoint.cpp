@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/envelope.hpp"
 

@@ -4,7 +4,7 @@
 
 #include <map>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"

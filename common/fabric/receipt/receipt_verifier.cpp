@@ -7,7 +7,7 @@
 #include <optional>
 #include <set>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/receipt/receipt.hpp"
 #include "common/fabric/tx/envelope.hpp"

@@ -1,4 +1,4 @@
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"

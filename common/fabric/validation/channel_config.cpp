@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "common/base/check.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "common/configuration.pb.h"

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 

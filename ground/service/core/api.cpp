@@ -9,7 +9,7 @@
 #include <set>
 
 #include "common/base/enum_count.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 #include "ground/json/strict.hpp"
 

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/access/access.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/json/strict.hpp"

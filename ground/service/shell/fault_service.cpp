@@ -5,7 +5,7 @@
 #include <iterator>
 
 #include "common/base/log.hpp"
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -73,10 +73,10 @@ void FaultService::run() {
   }
 }
 
-void FaultService::refresh() { apply(tell_command(socket_, "list", fault_timeout_ns)); }
+void FaultService::refresh() { apply(send_command(socket_, "list", fault_timeout_ns)); }
 
 void FaultService::switch_one(const FaultRequest& asked, const Answer& answer) {
-  const auto answered = tell_command(socket_, command_of(asked), fault_timeout_ns);
+  const auto answered = send_command(socket_, command_of(asked), fault_timeout_ns);
   if (!answered) return answer(refusal(503, "not switched: " + answered.error().message));
   apply(answered);
   const auto what =

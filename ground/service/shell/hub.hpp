@@ -5,7 +5,6 @@
 #include <boost/beast/http/message.hpp>
 #include <boost/beast/http/string_body.hpp>
 #include <deque>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>

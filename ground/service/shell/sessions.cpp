@@ -9,7 +9,6 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
-#include <cstring>
 
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/wiping_string.hpp"

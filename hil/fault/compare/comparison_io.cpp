@@ -10,7 +10,7 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::hil::comparing {
 namespace {

@@ -115,7 +115,7 @@ void RealFlight::ask_to_end(TimeNs now) {
 
 Status RealFlight::watch() {
   const TimeNs start_until = monotonic_ns() + start_timeout_ns;
-  while (children_.running("fly")) {
+  while (children_.is_running("fly")) {
     children_.poll(watch_ns);
     live_.read();
     const TimeNs now = monotonic_ns();
@@ -125,7 +125,7 @@ Status RealFlight::watch() {
     if (auto stepped = faults_.step(now); !stepped) return stepped;
     if (program_.has_command() && !program_.started()) {
       if (auto started = program_.start({}, topics_environment(script_.flight.drones)); !started) return started;
-    } else if (program_.has_command() && !program_.running()) {
+    } else if (program_.has_command() && !program_.is_running()) {
       ask_to_end(now);
     }
     const TimeNs late_ns = now - live_.begin_ns() - script_.limit_ns;

@@ -22,7 +22,7 @@
 #include <utility>
 
 #include "common/process/usage.hpp"
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 #include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
@@ -152,7 +152,7 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
   for (const std::string& command : acts.proxy) {
     const bool of_shim = where_.stack.shim && !command.starts_with("server ");
     const std::string socket = where_.run + (of_shim ? "/shim.sock" : "/faults.sock");
-    if (auto sent = tell_command(socket, command); !sent) return sent.error();
+    if (auto sent = send_command(socket, command); !sent) return sent.error();
   }
   for (const auto& [program, signal] : acts.programs) {
     const auto pids = descendants(children_.pid(where_.parent), program);
@@ -205,11 +205,11 @@ Status RealFaults::run_errands(TimeNs now) {
     lines_[name].clear();
     return children_.start({name, errand.command, where_.directory + "/" + name + ".log", SIGKILL});
   }
-  if (children_.running(name)) {
+  if (children_.is_running(name)) {
     if (now < errand.until_ns) return done;
     return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(errand_timeout_ns))};
   }
-  if (!children_.ended_well(name))
+  if (!children_.has_succeeded(name))
     return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
   const auto then = std::move(errand.then);
   errands_.pop_front();

@@ -151,7 +151,7 @@ Status TwoNetworks::hold(const std::string& name, const std::string& directory) 
     return started;
   const std::string mine = network_of("/proc/self/ns/net");
   for (const TimeNs until = monotonic_ns() + network_timeout_ns; monotonic_ns() < until;) {
-    if (!children_.running(name)) return Error{fmt::format("{}: {}", advice, children_.log_tail(name, 2))};
+    if (!children_.is_running(name)) return Error{fmt::format("{}: {}", advice, children_.log_tail(name, 2))};
     const std::string its = network_of(file_of(name));
     if (!its.empty() && its != mine) return done;
     children_.poll(network_look_ns);
@@ -168,8 +168,8 @@ Status TwoNetworks::set_up(const std::string& name, const std::string& lines, co
       !started)
     return started;
   const TimeNs until = monotonic_ns() + network_timeout_ns;
-  while (children_.running(errand) && monotonic_ns() < until) children_.poll(network_look_ns);
-  if (children_.ended_well(errand)) return done;
+  while (children_.is_running(errand) && monotonic_ns() < until) children_.poll(network_look_ns);
+  if (children_.has_succeeded(errand)) return done;
   return Error{fmt::format("{}: {}", advice, children_.log_tail(errand, 3))};
 }
 
@@ -249,7 +249,7 @@ Status SdkFlight::start(const std::string& name, const std::vector<std::string>&
   const std::string log = fmt::format("{}/{}.log", run_, name);
   if (auto started = children_.start({name, std::move(command), log, SIGTERM}); !started) return started;
   const TimeNs until = monotonic_ns() + ready_timeout_ns;
-  while (children_.running(name) && !ready_.contains(name) && monotonic_ns() < until) children_.poll(sdk_watch_ns);
+  while (children_.is_running(name) && !ready_.contains(name) && monotonic_ns() < until) children_.poll(sdk_watch_ns);
   if (ready_.contains(name)) return done;
   return Error{fmt::format("{} does not serve: {}", name, children_.log_tail(name, 3))};
 }
@@ -290,13 +290,13 @@ Status SdkFlight::watch() {
     live_.read();
     const TimeNs now = monotonic_ns();
     for (const char* name : {"sim", "hil-proxy"}) {
-      if (!children_.running(name))
+      if (!children_.is_running(name))
         return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
     }
     if (live_.begin_ns() == 0 && now < start_until) continue;
     if (live_.begin_ns() == 0) return Error{run_ + "/sim.trace says nothing: nobody could check this flight"};
     if (auto stepped = faults_.step(now); !stepped) return stepped;
-    if (!program_.running() && ended_ns == 0) ended_ns = now;
+    if (!program_.is_running() && ended_ns == 0) ended_ns = now;
     const bool down = std::all_of(live_.drones().begin(), live_.drones().end(),
                                   [](const DroneObservation& drone) { return on_ground(drone.truth); });
     // What the traces show is up to a second old.
@@ -325,7 +325,7 @@ Result<Recording> SdkFlight::recording() const {
   for (int k = 1; k <= script_.flight.drones && recording.why.empty(); ++k) {
     if (!flew.contains(k)) recording.why = drone_name(k) + " never took off";
   }
-  if (recording.why.empty() && !children_.ended_well(OwnProgram::name))
+  if (recording.why.empty() && !children_.has_succeeded(OwnProgram::name))
     recording.why = "the program " + children_.how_it_ended(OwnProgram::name);
   recording.ok = recording.why.empty();
   return recording;

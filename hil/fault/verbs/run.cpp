@@ -185,7 +185,7 @@ Act run(CommandLine& line) {
   const Option out =
       verb.option("--out", options->out, "of --real: folder for what each flight leaves behind").needs(real);
   return {verb, [options, out] {
-            options->out_given = out.given();
+            options->out_given = out.is_given();
             return run_scripts(*options);
           }};
 }

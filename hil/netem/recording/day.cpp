@@ -10,8 +10,8 @@
 #include <iterator>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
 #include "common/base/random.hpp"
+#include "common/base/text.hpp"
 #include "hil/netem/distribution.hpp"
 #include "hil/netem/recording/capture.hpp"
 #include "hil/netem/recording/lateness.hpp"

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "hil/netem/distribution.hpp"
 #include "hil/netem/sdk/calls.hpp"
 #include "hil/netem/text_parse.hpp"

@@ -4,13 +4,12 @@
 #include <future>
 #include <memory>
 #include <optional>
-#include <string>
 #include <thread>
 #include <vector>
 
 #include "common/fabric/tls/certificate_watch.hpp"
-#include "common/program/recorder.hpp"
-#include "common/program/service/service_manager.hpp"
+#include "common/program/program.hpp"
+#include "common/program/service_manager.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
 namespace ledgerline::agent {

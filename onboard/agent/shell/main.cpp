@@ -10,8 +10,6 @@
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/program/program.hpp"
-#include "common/program/shared_tables.hpp"
-#include "common/program/stop_signals.hpp"
 #include "common/verification/calls.hpp"
 #include "onboard/agent/shell/agent.hpp"
 

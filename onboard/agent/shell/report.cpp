@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/names.hpp"
 #include "common/rt/histogram.hpp"
 

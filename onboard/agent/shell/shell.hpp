@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/dds/dds.hpp"
-#include "common/program/recorder.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/core/mocap.hpp"
 #include "onboard/agent/shell/ledger_follower.hpp"

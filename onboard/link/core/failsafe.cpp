@@ -1,7 +1,6 @@
 #include "onboard/link/core/failsafe.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "onboard/link/core/drone_watches.hpp"
 

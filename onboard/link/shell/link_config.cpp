@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <set>
 #include <utility>
 
@@ -205,7 +204,8 @@ void read_pads(Config& config, std::vector<PadSettings>& pads) {
     PadSettings pad;
     pad.id = static_cast<int>(config.number({key + "id", "the pad's number, printed on it"}, 1, 8));
     const auto place = config.numbers({key + "position_m", "x, y, z of its middle in `map`"}, 3, {});
-    if (place.size() != 3 && !config.describes()) config.wrong(key + "position_m", "must be there: where the pad lies");
+    if (place.size() != 3 && !config.is_describing())
+      config.wrong(key + "position_m", "must be there: where the pad lies");
     std::copy_n(place.begin(), std::min<std::size_t>(3, place.size()), pad.position_m.begin());
     pad.yaw_rad = config.number({key + "yaw_rad", "where its arrow points, counter-clockwise from x"}, 0, -7, 7);
     pads.push_back(pad);
@@ -260,7 +260,7 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   drone.odometry_after_ns = pose.odometry_after_ns;
   const bool own = uses_odometry(drone.source);
   drone.velocity_known = pose.has_signs;
-  if (own && !pose.has_signs && !config.describes()) {
+  if (own && !pose.has_signs && !config.is_describing()) {
     config.wrong("pose.velocity_signs",
                  fmt::format("must be there: drone {} flies by onboard odometry, or may, and with a wrong sign "
                              "it flies away",

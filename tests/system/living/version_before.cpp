@@ -5,7 +5,6 @@
 #include "chaincode/service/contract_stub.hpp"
 #include "common/msg/contract.hpp"
 #include "common/program/program.hpp"
-#include "common/program/stop_signals.hpp"
 #include "ledgerline.pb.h"
 
 /// The contract as it was one version ago, as a chaincode service: today's functions over a ledger that keeps its

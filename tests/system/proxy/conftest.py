@@ -1,6 +1,6 @@
 import pytest
 
-from drones import Drones
+from drones import drones  # noqa: F401: a fixture
 from proxies import Proxy
 
 
@@ -12,19 +12,6 @@ def proxies(tmp_path):
         directory = tmp_path / f"proxy{len(made)}"
         directory.mkdir()
         made.append(Proxy(directory, **options))
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
-
-
-@pytest.fixture
-def drones(tmp_path):
-    made = []
-
-    def make(count: int, clients: int = 1, *options: str) -> Drones:
-        made.append(Drones(tmp_path, count, clients, *options))
         return made[-1]
 
     yield make

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <set>
-#include <string_view>
 
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "common/fabric/channels.hpp"
 #include "common/fabric/config.hpp"
 

@@ -7,7 +7,7 @@
 #include <list>
 #include <thread>
 
-#include "common/base/ipv4.hpp"
+#include "common/base/text.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
 #include "common/msg/names.hpp"

@@ -18,7 +18,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "common/base/disk_space.hpp"
+#include "common/base/file.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/roudi/host_check.hpp"
 
@@ -141,7 +141,7 @@ DirectoryInputs probe_directory(const std::string& file) {
   DirectoryInputs inputs{.path = folder};
   inputs.writable = ::access(folder.c_str(), W_OK | X_OK) == 0;
   inputs.read_only = !inputs.writable && errno == EROFS;
-  if (auto free = free_bytes(folder)) inputs.free_bytes = *free;
+  if (auto space = space_at(folder)) inputs.free_bytes = space->available;
   return inputs;
 }
 

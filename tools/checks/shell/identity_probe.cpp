@@ -5,11 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <cerrno>
-#include <cstring>
-
 #include "common/base/file.hpp"
-#include "common/base/files/private_file.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/validation/channel_config.hpp"
 

@@ -19,7 +19,7 @@
 #include <memory>
 
 #include "common/base/file.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/openssl.hpp"
 #include "common/crypto/tls_policy.hpp"
 

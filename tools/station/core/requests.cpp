@@ -5,7 +5,7 @@
 #include <span>
 #include <utility>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "ground/mission/mission.hpp"
 #include "ground/motion/waypoints.hpp"
 

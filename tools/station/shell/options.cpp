@@ -11,8 +11,6 @@
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
 #include "common/program/program.hpp"
-#include "common/program/secrets.hpp"
-#include "common/program/stop_signals.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::station {

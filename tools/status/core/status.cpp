@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "tools/station/core/show.hpp"
 
 namespace ledgerline::status {

@@ -5,8 +5,7 @@
 #include <charconv>
 #include <nlohmann/json.hpp>
 
-#include "common/base/ipv4.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 

@@ -6,12 +6,11 @@
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
-#include <memory>
 
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/ros.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/calibrate/flight.hpp"

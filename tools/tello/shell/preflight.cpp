@@ -11,15 +11,14 @@
 #include <memory>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/ros.hpp"
 #include "common/process/children.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/checks/shell/probes.hpp"
@@ -157,19 +156,19 @@ Status read_records(const PreflightOptions& options, checks::FlightInputs& input
   if (!folder.made()) return Error{fmt::format("no folder for a moment can be made: {}", std::strerror(errno))};
   if (auto s = write_file(folder.in("ledger.toml"), network.pilot, 0600); !s) return s;
   std::string records;
-  Children children({[&records](const std::string&, const std::string& line) { records = line; }});
+  Children children([&records](const std::string&, const std::string& line) { records = line; });
   const std::string name = "control";
   const std::vector<std::string> command{options.control, "--config", folder.in("ledger.toml"), "show", "--json"};
   if (auto s = children.start({name, command, folder.in("log"), SIGKILL}); !s) return s;
-  for (const TimeNs end = monotonic_ns() + records_limit_ns; children.running(name) && !stop_requested;) {
+  for (const TimeNs end = monotonic_ns() + records_limit_ns; children.is_running(name) && !stop_requested;) {
     if (monotonic_ns() > end) break;
     children.poll(50 * ns_per_ms);
   }
-  if (children.running(name)) {
+  if (children.is_running(name)) {
     (void)children.stop(name, timeout_ns);
     return Error{fmt::format("it did not answer within {:.0f} s", to_seconds(records_limit_ns))};
   }
-  if (!children.ended_well(name)) return Error{printable(children.log_tail(name, 1))};
+  if (!children.has_succeeded(name)) return Error{printable(children.log_tail(name, 1))};
   return launcher::read_records(records, self->name, inputs);
 }
 

@@ -5,13 +5,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 #include <algorithm>
-#include <cstdio>
 
 #include "common/base/file.hpp"
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
-#include "common/program/secrets.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/base/text.hpp"
+#include "common/program/program.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/dialogue.hpp"
 

@@ -4,7 +4,7 @@
 
 #include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/check.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/msg/contract.hpp"
 #include "peer/transaction.pb.h"

@@ -142,6 +142,7 @@ std::vector<std::string> Waiting::pop(std::size_t max_count, std::size_t max_byt
   }
   std::ranges::sort(taken, {}, &FairLane::Entry::turn);
   std::vector<std::string> envelopes;
+  envelopes.reserve(taken.size());
   for (FairLane::Entry& entry : taken) envelopes.push_back(std::move(entry.envelope));
   return envelopes;
 }

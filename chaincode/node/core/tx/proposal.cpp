@@ -1,7 +1,7 @@
 #include "chaincode/node/core/tx/messages.hpp"
 
 #include "chaincode/node/core/types.hpp"
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "peer/chaincode.pb.h"

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::agent {
 

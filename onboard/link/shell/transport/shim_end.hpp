@@ -1,6 +1,5 @@
 #pragma once
 #include <array>
-#include <memory>
 #include <vector>
 
 #include "onboard/ipc/ipc.hpp"

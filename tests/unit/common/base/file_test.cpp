@@ -7,8 +7,6 @@
 
 #include <filesystem>
 
-#include "common/base/files/private_file.hpp"
-
 namespace ledgerline {
 namespace {
 

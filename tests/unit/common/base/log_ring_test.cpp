@@ -1,4 +1,4 @@
-#include "common/base/log/log_ring.hpp"
+#include "common/base/log.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

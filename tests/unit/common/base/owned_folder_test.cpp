@@ -1,4 +1,4 @@
-#include "common/base/files/owned_folder.hpp"
+#include "common/base/file.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

@@ -1,4 +1,4 @@
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
 
 #include <gtest/gtest.h>
 

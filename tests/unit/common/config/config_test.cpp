@@ -140,8 +140,8 @@ TEST(Config, ATableForAnotherProgramMeansTheSameThere) {
   auto config =
       config_of("[a]\nx = 1\nlist = [1, 2.5]\n[a.inner]\ntext = \"y\"\n[[b]]\nz = 3\n[[b]]\nz = 4\n[c]\nw = 5\n");
   const std::string text = config.table_text("a") + config.table_text("b") + config.table_text("none");
-  config.left_to_another("a");
-  config.left_to_another("b");
+  config.skip_table("a");
+  config.skip_table("b");
   EXPECT_EQ(problems(config), "link.toml:11: c.w: unknown key");
   auto other = config_of(text);
   EXPECT_EQ(other.integer("a.x", 0, 0, 9), 1);
@@ -175,7 +175,7 @@ TEST(Config, FilesAreReadAndMissingOnesNamed) {
 
 TEST(Config, ADescribingOneListsWhatWasAskedForOnceInTheReadersOrder) {
   Config config = Config::describing();
-  EXPECT_TRUE(config.describes());
+  EXPECT_TRUE(config.is_describing());
   (void)config.text("name");
   (void)config.number({"state.rate_hz", "samples a second"}, 30.0, 1, 200);
   (void)config.choice("state.shape", {"square", "x"}, "square");
@@ -199,7 +199,7 @@ TEST(Config, ADescribingOneListsWhatWasAskedForOnceInTheReadersOrder) {
   EXPECT_EQ(keys[4].table, "[[drone]]");
   EXPECT_EQ(keys[4].usual, "its place");
   EXPECT_FALSE(config.finish());  // keys without a default are missing
-  EXPECT_FALSE(Config::parse("", "").value().describes());
+  EXPECT_FALSE(Config::parse("", "").value().is_describing());
 }
 
 }  // namespace

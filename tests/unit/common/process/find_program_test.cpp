@@ -1,4 +1,4 @@
-#include "common/process/find_program.hpp"
+#include "common/process/children.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

@@ -2,7 +2,7 @@
 
 #include <set>
 
-#include "common/process/restarts.hpp"
+#include "common/process/children.hpp"
 
 namespace ledgerline {
 namespace {

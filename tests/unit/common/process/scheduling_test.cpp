@@ -1,4 +1,4 @@
-#include "common/process/scheduling.hpp"
+#include "common/process/children.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>

@@ -49,8 +49,8 @@ class ACommandLine : public testing::Test {
 TEST_F(ACommandLine, NothingGivenLeavesTheDefaults) {
   EXPECT_FALSE(line.read({}));
   EXPECT_EQ(values.laps, 3);
-  EXPECT_FALSE(laps.given());
-  EXPECT_FALSE(line.given("--quiet"));
+  EXPECT_FALSE(laps.is_given());
+  EXPECT_FALSE(line.is_given("--quiet"));
 }
 
 TEST_F(ACommandLine, EveryKindOfValueIsTaken) {
@@ -63,7 +63,7 @@ TEST_F(ACommandLine, EveryKindOfValueIsTaken) {
   EXPECT_EQ(values.time, "noon");
   EXPECT_THAT(values.domains, ElementsAre(1, 2));
   EXPECT_THAT(values.names, ElementsAre("tello1", "tello2"));
-  EXPECT_TRUE(laps.given() && line.given("--quiet"));
+  EXPECT_TRUE(laps.is_given() && line.is_given("--quiet"));
 }
 
 TEST_F(ACommandLine, WhatCannotBeIsRefusedByTheOptionsName) {
@@ -95,7 +95,7 @@ TEST(AProgramWithVerbs, TakesOneOfThem) {
   const Verb take = line.verb("take", "Takes"), give = line.verb("give", "Gives");
   Verb(take).option("--file", file, "What").required();
   EXPECT_FALSE(line.read({"take", "--file", "a"}));
-  EXPECT_TRUE(take.given() && !give.given());
+  EXPECT_TRUE(take.is_given() && !give.is_given());
   EXPECT_EQ(take.name(), "take");
   EXPECT_EQ(line.read({})->exit_code, exit_usage);
   EXPECT_EQ(line.read({"take"})->exit_code, exit_usage);
@@ -161,9 +161,9 @@ TEST(ACommandLineWithVerbs, MayDoWithoutOne) {
   stop.option("NAME", names, "").required();
   line.verbs_are_optional();
   EXPECT_FALSE(line.read({}));
-  EXPECT_FALSE(stop.given());
+  EXPECT_FALSE(stop.is_given());
   EXPECT_FALSE(line.read({"stop", "tello1", "--json"}));
-  EXPECT_TRUE(stop.given() && json);
+  EXPECT_TRUE(stop.is_given() && json);
   EXPECT_TRUE(line.read({"land"}));
 }
 

@@ -1,4 +1,4 @@
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -79,13 +79,13 @@ TEST_F(CommandSocketTest, CarriesACommandAndItsAnswerOrError) {
       if (command == "bad") return Error{"no such thing"};
       return command == "list" ? std::string("one\ntwo\n") : std::string();
     });
-    for (int i = 0; i < 20; ++i) EXPECT_EQ(*tell_command(path, "list"), "one\ntwo\n");
-    EXPECT_EQ(*tell_command(path, "do"), "");
-    EXPECT_EQ(tell_command(path, "bad").error().message, "no such thing");
-    EXPECT_THAT(tell_command(path, std::string(1'000, 'x')).error().message, HasSubstr("less than 1000 bytes"));
-    EXPECT_THAT(tell_command(path, "two\nlines").error().message, HasSubstr("one line"));
+    for (int i = 0; i < 20; ++i) EXPECT_EQ(*send_command(path, "list"), "one\ntwo\n");
+    EXPECT_EQ(*send_command(path, "do"), "");
+    EXPECT_EQ(send_command(path, "bad").error().message, "no such thing");
+    EXPECT_THAT(send_command(path, std::string(1'000, 'x')).error().message, HasSubstr("less than 1000 bytes"));
+    EXPECT_THAT(send_command(path, "two\nlines").error().message, HasSubstr("one line"));
   }
-  EXPECT_THAT(tell_command(path, "list").error().message, HasSubstr("does not answer"));
+  EXPECT_THAT(send_command(path, "list").error().message, HasSubstr("does not answer"));
   EXPECT_NE(::access(path.c_str(), F_OK), 0) << "it removes its socket";
 }
 
@@ -100,7 +100,7 @@ TEST_F(CommandSocketTest, IsWaitedForNoLongerThanAsked) {
   auto socket = CommandSocket::open(in("f.sock"));
   ASSERT_TRUE(socket) << socket.error().message;
   const TimeNs before = monotonic_ns();
-  EXPECT_THAT(tell_command(in("f.sock"), "list", 100 * ns_per_ms).error().message, HasSubstr("does not answer"));
+  EXPECT_THAT(send_command(in("f.sock"), "list", 100 * ns_per_ms).error().message, HasSubstr("does not answer"));
   EXPECT_GE(monotonic_ns() - before, 100 * ns_per_ms);
   EXPECT_LT(monotonic_ns() - before, 3 * ns_per_s);
 }

@@ -1,4 +1,4 @@
-#include "common/program/recorder.hpp"
+#include "common/program/program.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

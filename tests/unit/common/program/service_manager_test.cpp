@@ -1,4 +1,4 @@
-#include "common/program/service/service_manager.hpp"
+#include "common/program/service_manager.hpp"
 
 #include <gmock/gmock.h>
 #include <sys/socket.h>

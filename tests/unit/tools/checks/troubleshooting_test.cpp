@@ -71,7 +71,7 @@ TEST(Troubleshooting, HasWhyAnEndorserDoesNotBeginWithASnapshot) {
   // Up to the first name or number; the file is in front.
   const std::regex refusal(R"re((?:wrong\(|Error\{)[^"]*"(?:\{\}: )?([^"{]{6,}))re");
   std::size_t count = 0;
-  for (const char* file : {"core/peer_snapshot.cpp", "../../common/base/files/owned_folder.cpp"}) {
+  for (const char* file : {"core/peer_snapshot.cpp", "../../common/base/file.cpp"}) {
     const std::string code = *read_file(source / "chaincode/endorser" / file);
     for (std::sregex_iterator match(code.begin(), code.end(), refusal), end; match != end; ++match, ++count)
       EXPECT_THAT(text, HasSubstr("`" + (*match)[1].str() + "`")) << file;

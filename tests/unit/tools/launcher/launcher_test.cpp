@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "common/program/stop_signals.hpp"
+#include "common/program/program.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::launcher {
@@ -482,7 +482,7 @@ TEST_F(FakePrograms, TheTimeOfAProcessThatIsJustEndingIsNoError) {
                                 {"/bin/sh", "-c", "for i in 1 2 3 4 5 6 7 8; do /bin/true & done; wait"},
                                 files.log("short"),
                                 SIGKILL}));
-    while (children.running("short")) {
+    while (children.is_running("short")) {
       for (int k = 0; k < 200; ++k) EXPECT_GE(children.cpu_seconds("short"), 0);
       children.poll(0);
     }
@@ -507,7 +507,7 @@ TEST_F(FakePrograms, AChildThatDoesNotListenIsKilledAfterItsTimeout) {
   ASSERT_TRUE(children.start({"deaf", {files.in("ledgerline-deaf")}, files.log("deaf"), SIGKILL}));
   ASSERT_TRUE(eventually([&] { return !lines("ended").empty(); }));
   EXPECT_FALSE(children.stop("deaf", 50 * ns_per_ms));
-  EXPECT_FALSE(children.running("deaf"));
+  EXPECT_FALSE(children.is_running("deaf"));
   EXPECT_THAT(children.how_it_ended("deaf"), HasSubstr("signal 9"));
 }
 

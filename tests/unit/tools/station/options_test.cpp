@@ -6,7 +6,7 @@
 #include <map>
 
 #include "common/base/file.hpp"
-#include "common/program/secrets.hpp"
+#include "common/program/program.hpp"
 #include "tests/fuzz/directory.hpp"
 
 namespace ledgerline::station {

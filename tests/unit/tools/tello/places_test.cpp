@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "common/base/ipv4.hpp"
+#include "common/base/text.hpp"
 
 namespace ledgerline::tello {
 namespace {

@@ -43,7 +43,7 @@ class SwitchServiceTest : public testing::Test {
     return reported_;
   }
   bool anything_on() const {
-    const auto list = tell_command(at(), "list");
+    const auto list = send_command(at(), "list");
     return !list || list->find("\"on\":true") != std::string::npos;
   }
   void wait_until_nothing_is_on() const {
@@ -61,38 +61,38 @@ class SwitchServiceTest : public testing::Test {
 TEST_F(SwitchServiceTest, TellsTheProxyAndAnswersWhatIsOn) {
   ASSERT_TRUE(service_);
   EXPECT_FALSE(anything_on());
-  const auto on = tell_command(at(), "on silent-tello1");
+  const auto on = send_command(at(), "on silent-tello1");
   ASSERT_TRUE(on) << on.error().message;
   EXPECT_THAT(*on, HasSubstr("\"on\":true"));
   EXPECT_THAT(reported(), ElementsAre("drone tello1 from partition"));
-  ASSERT_TRUE(tell_command(at(), "off silent-tello1"));
+  ASSERT_TRUE(send_command(at(), "off silent-tello1"));
   EXPECT_FALSE(anything_on());
-  EXPECT_THAT(tell_command(at(), "on silent-tello2").error().message, HasSubstr("no switch"));
+  EXPECT_THAT(send_command(at(), "on silent-tello2").error().message, HasSubstr("no switch"));
 }
 
 TEST_F(SwitchServiceTest, SwitchesAllOffWhenItIsAskedToAndWhenItEnds) {
   ASSERT_TRUE(service_);
-  ASSERT_TRUE(tell_command(at(), "on silent-tello1"));
+  ASSERT_TRUE(send_command(at(), "on silent-tello1"));
   service_->all_off();
   wait_until_nothing_is_on();
-  ASSERT_TRUE(tell_command(at(), "on ledger-stalled")) << "not for good";
+  ASSERT_TRUE(send_command(at(), "on ledger-stalled")) << "not for good";
   service_->end();
   wait_until_nothing_is_on();
-  EXPECT_THAT(tell_command(at(), "on ledger-stalled").error().message, HasSubstr("the flight ends"));
+  EXPECT_THAT(send_command(at(), "on ledger-stalled").error().message, HasSubstr("the flight ends"));
 }
 
 TEST_F(SwitchServiceTest, LeavesNothingOnBehindIt) {
   ASSERT_TRUE(service_);
-  ASSERT_TRUE(tell_command(at(), "on commands-lost-tello1"));
+  ASSERT_TRUE(send_command(at(), "on commands-lost-tello1"));
   service_.reset();
   EXPECT_THAT(reported(), ElementsAre("drone tello1 to partition", "drone tello1 to partition off"));
-  EXPECT_FALSE(tell_command(at(), "list"));
+  EXPECT_FALSE(send_command(at(), "list"));
 }
 
 TEST_F(SwitchServiceTest, SaysThatTheProxyDoesNotAnswer) {
   ASSERT_TRUE(service_);
   served_.reset();
-  EXPECT_THAT(tell_command(at(), "on silent-tello1").error().message, HasSubstr("does not answer"));
+  EXPECT_THAT(send_command(at(), "on silent-tello1").error().message, HasSubstr("does not answer"));
   EXPECT_FALSE(anything_on());
 }
 

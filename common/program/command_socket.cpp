@@ -1,4 +1,4 @@
-#include "common/program/socket/command_socket.hpp"
+#include "common/program/command_socket.hpp"
 
 #include <fmt/format.h>
 #include <sys/socket.h>
@@ -127,7 +127,7 @@ bool CommandSocket::serve(Connection& connection, const Do& act) {
   return connection.line.size() <= max_line;
 }
 
-Result<std::string> tell_command(const std::string& socket_path, const std::string& command, TimeNs timeout_ns) {
+Result<std::string> send_command(const std::string& socket_path, const std::string& command, TimeNs timeout_ns) {
   const auto address = place(socket_path);
   if (!address) return address.error();
   if (command.find('\n') != std::string::npos || command.size() >= max_line)

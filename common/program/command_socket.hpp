@@ -45,7 +45,7 @@ class CommandSocket {
 };
 
 /// Tells one command to the program behind the socket: its answer, or what went wrong. `timeout_ns`: of all of it.
-Result<std::string> tell_command(const std::string& socket_path, const std::string& command,
+Result<std::string> send_command(const std::string& socket_path, const std::string& command,
                                  TimeNs timeout_ns = 5 * ns_per_s);
 
 }  // namespace ledgerline

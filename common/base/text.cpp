@@ -1,4 +1,11 @@
-#include "common/base/printable.hpp"
+#include "common/base/text.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
 
 namespace ledgerline {
 namespace {
@@ -44,22 +51,27 @@ std::string printable(std::string_view text, std::size_t max_size) {
 }
 
 std::string xml_text(std::string_view text) {
+  constexpr std::pair<char, std::string_view> escapes[] = {
+      {'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}};
   std::string out;
   for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else if (static_cast<unsigned char>(c) < 32 && c != '\n')
-      out += ' ';
+    const auto* const escape = std::ranges::find(escapes, c, &std::pair<char, std::string_view>::first);
+    if (escape != std::end(escapes))
+      out += escape->second;
     else
-      out += c;
+      out += static_cast<unsigned char>(c) < 32 && c != '\n' ? ' ' : c;
   }
   return out;
+}
+
+Result<std::uint32_t> parse_ipv4(const std::string& text) {
+  in_addr address{};
+  if (::inet_pton(AF_INET, text.c_str(), &address) != 1) return Error{fmt::format("'{}' is no IPv4 address", text)};
+  return ntohl(address.s_addr);
+}
+
+std::string ipv4_text(std::uint32_t address) {
+  return fmt::format("{}.{}.{}.{}", address >> 24, (address >> 16) & 255, (address >> 8) & 255, address & 255);
 }
 
 }  // namespace ledgerline
