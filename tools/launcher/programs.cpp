@@ -49,7 +49,7 @@ Status Programs::start(const std::string& name, std::vector<std::string> argumen
 Status Programs::check() const {
   if (interrupts_ > 0) return Error{"interrupted before take-off"};
   for (const std::string& name : names()) {
-    if (running(name) || has_succeeded(name)) continue;
+    if (is_running(name) || has_succeeded(name)) continue;
     return Error{name == controller_program(options_) ? why_controller_ended() : crash_of(name, "before take-off")};
   }
   return done;
@@ -61,7 +61,7 @@ Status Programs::wait_ready(const std::vector<std::string>& names) {
   for (const std::string& name : names) {
     while (!is_ready(name)) {
       if (auto s = check(); !s) return s;
-      if (!running(name) && !is_ready(name)) return Error{crash_of(name, "before take-off")};
+      if (!is_running(name) && !is_ready(name)) return Error{crash_of(name, "before take-off")};
       if (monotonic_ns() > until_ns) {
         return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name, to_seconds(limit_ns),
                                  files_.log(name), log_tail(name, log_lines))};
@@ -75,7 +75,7 @@ Status Programs::wait_ready(const std::vector<std::string>& names) {
 Status Programs::run_to_end(const std::string& name, std::vector<std::string> arguments) {
   if (auto status = start(name, std::move(arguments)); !status) return status;
   const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
-  while (running(name)) {
+  while (is_running(name)) {
     if (interrupts_ > 0) return Error{"interrupted before take-off"};
     if (monotonic_ns() > until_ns)
       return Error{fmt::format("{} did not end within {:.0f} s", name, to_seconds(ready_limit_ns))};
