@@ -96,6 +96,7 @@ class Node {
   Node() = default;
   Status open_ledger();
   /// For clients: the trust anchor.
+  std::string config_block_file() const { return dir_ + "/" + config_.channel + ".block"; }
   Status write_config_block();
   Status enroll_first();
   Status submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg);
