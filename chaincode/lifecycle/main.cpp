@@ -7,6 +7,7 @@
 #include "common/access/access.hpp"
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/program/command_line.hpp"
@@ -89,13 +90,17 @@ Result<std::string> id_of(const Options& options) {
 
 Status make(const Options& options) {
   if (!is_label(options.label)) return Error{"--label: a-z, A-Z and 0-9, inside also _ . + -"};
+  if (Status s = check_endpoint(options.address); !s) return Error{"--address " + s.error().message};
   if (options.client_certificate.empty() != options.client_key.empty())
     return Error{"--client-certificate and --client-key belong together"};
   ServicePlace place{.address = options.address, .client_auth = options.client_auth || !options.client_key.empty()};
   const auto take = [](const std::string& path, std::string& into) -> Status {
     if (path.empty()) return done;
-    auto text = read_file(path);
+    auto text = crypto::read_certificate_file(path);
     if (!text) return text.error();
+    if (text->find("PRIVATE KEY") != std::string::npos)
+      return Error{path +
+                   ": has a private key, and whoever may fetch the package would have it; give the certificate alone"};
     into = std::move(*text);
     return done;
   };

@@ -19,6 +19,10 @@ std::string xml_text(std::string_view text);
 Result<std::uint32_t> parse_ipv4(const std::string& text);
 std::string ipv4_text(std::uint32_t address);
 
+/// Whether it is HOST:PORT as gRPC and Fabric have it: a name, an IPv4 address or [IPv6]; the port at most 65535 (a
+/// larger one would be cut to 16 bits in silence), and at least `least_port`: 0 lets a listener take a free one.
+Status check_endpoint(std::string_view text, unsigned least_port = 1);
+
 /// What readers of a binary format take its numbers and texts from. Once something is missing all that follows is
 /// empty.
 class ByteReader {

@@ -1,6 +1,8 @@
 #pragma once
 #include <atomic>
 #include <csignal>
+#include <cstdint>
+#include <ctime>
 #include <functional>
 #include <initializer_list>
 #include <optional>
@@ -28,18 +30,28 @@ int fail(const Error& error, int exit_code = exit_failed);
 int exit_code(const Status& ended);
 int exit_code(const Result<bool>& ended);
 
-/// Set and counted by the signals that catch_stop_signals() catches: the program shall end.
+/// Set and counted by the signals that catch_stop_signals() catches: the program shall end. Two within 200 ms are one
+/// request: a wrapper (ros2 launch, npm, timeout) and the terminal pass on the same Ctrl-C. A person needs longer.
 inline std::atomic<bool> stop_requested{false};
 inline std::atomic<int> stop_requests{0};
-static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free);
+inline std::atomic<std::int64_t> last_stop_request_ms{-1};
+static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_always_lock_free &&
+              std::atomic<std::int64_t>::is_always_lock_free);
+
+inline void on_stop_signal(int) {
+  constexpr std::int64_t one_request_ms = 200;
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  const std::int64_t now_ms = std::int64_t{now.tv_sec} * 1000 + now.tv_nsec / 1'000'000;
+  const std::int64_t last_ms = last_stop_request_ms.exchange(now_ms);
+  if (last_ms < 0 || now_ms - last_ms >= one_request_ms) ++stop_requests;
+  stop_requested = true;
+}
 
 /// Catches SIGINT and SIGTERM, or those named; calls that wait are interrupted. To be called before any thread starts.
 inline void catch_stop_signals(std::initializer_list<int> signals = {SIGINT, SIGTERM}) {
   struct sigaction action {};
-  action.sa_handler = [](int) {
-    ++stop_requests;
-    stop_requested = true;
-  };
+  action.sa_handler = on_stop_signal;
   for (const int signal : signals) ::sigaction(signal, &action, nullptr);
 }
 

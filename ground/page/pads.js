@@ -16,7 +16,8 @@ export function flyByGamepad(hand, words) {
     held = false;
   });
   const read = () => {
-    const pad = document.hidden || !document.hasFocus() ? null : [...navigator.getGamepads()].find((each) => each?.mapping === 'standard');
+    const all = document.hidden || !document.hasFocus() ? [] : [...navigator.getGamepads()].filter(Boolean);
+    const pad = all.find((each) => each.mapping === 'standard');
     const pressed = Boolean(pad && SHOULDERS.some((button) => pad.buttons[button]?.pressed));
     if (!pad) needsRelease = true; // a button held through a change of window does not fly at once
     else if (!pressed) needsRelease = false;
@@ -26,7 +27,9 @@ export function flyByGamepad(hand, words) {
       hand.hold('gamepad', sharesOf({ x: lx, y: ly }, { x: rx, y: ry }));
     } else if (held) hand.hold('gamepad', null);
     held = flies;
-    const said = !pad ? '' : held ? 'Gamepad: flying' : 'Gamepad: hold a shoulder button to fly';
+    // Firefox on Linux, and radios as joysticks: nobody knows which axis is which.
+    const unknown = all.length ? 'This gamepad has no standard layout in this browser: it flies nothing. Try Chromium' : '';
+    const said = !pad ? unknown : held ? 'Gamepad: flying' : 'Gamepad: hold a shoulder button to fly';
     if (words.textContent !== said) words.textContent = said;
     requestAnimationFrame(read);
   };

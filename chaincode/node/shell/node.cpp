@@ -98,6 +98,10 @@ Status Node::open_ledger() {
       [](const std::string& message) { spdlog::warn("{}", message); });
   if (!store) return store.error();
   store_ = std::move(*store);
+  const std::string anchor = config_block_file();
+  if (core_->height() == 0 && fs::exists(anchor))
+    return Error{options_.dir + "/ledger/blocks has no block, though " + anchor +
+                 " shows that there was a ledger: restore it from a copy; to begin a new ledger, use another folder"};
   if (core_->height() == 0) return commit_now(core_->genesis());
   spdlog::info("replayed {} blocks from {}", core_->height(), options_.dir);
   return done;
@@ -106,7 +110,7 @@ Status Node::open_ledger() {
 Status Node::write_config_block() {
   const auto block = store_->read(0);
   if (!block) return block.error();
-  return replace_file(options_.dir + "/" + options_.core.channel + ".block", *block);
+  return replace_file(config_block_file(), *block);
 }
 
 Status Node::commit_now(const CutBlock& block) {

@@ -91,6 +91,7 @@ class Node {
   explicit Node(Options options) : options_(std::move(options)) {}
   Status open_ledger();
   /// For clients: the trust anchor.
+  std::string config_block_file() const { return options_.dir + "/" + options_.core.channel + ".block"; }
   Status write_config_block();
   Status enroll_first();
   Status submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg);

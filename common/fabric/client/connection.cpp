@@ -6,9 +6,11 @@
 #include <google/protobuf/stubs/logging.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
 #include <utility>
 
+#include "common/base/text.hpp"
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
@@ -28,6 +30,10 @@ constexpr int first_reconnect_ms = 50, max_reconnect_ms = 1'000, connect_timeout
 constexpr TimeNs renew_again_ns = 1 * ns_per_s;
 // As Fabric's own clients: a block may hold an envelope of many megabytes.
 constexpr int max_message_bytes = 100 * 1024 * 1024;
+
+// Names are looked up as all of this host's programs do it (nsswitch.conf: mDNS, LDAP, /etc/hosts), and not by gRPC's
+// own resolver, which asks DNS alone. gRPC reads this once, before any channel is made; a user's own choice counts.
+[[maybe_unused]] const bool system_names = ::setenv("GRPC_DNS_RESOLVER", "native", 0) == 0;
 
 /// As it was renewed, else as its files have it.
 Result<TlsPairsInUse::Pair> read_pair(const ClientConfig::TlsPair& files, const TlsPairsInUse* in_use) {
@@ -57,7 +63,7 @@ ClientConfig::Server with_pair(ClientConfig::Server server, const ClientConfig& 
 }
 
 Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server, const TlsPairsInUse* in_use) {
-  if (server.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
+  if (Status s = check_endpoint(server.endpoint); !s) return Error{"the ledger's endpoint " + s.error().message};
   auto authorities = crypto::read_certificate_file(server.tls_ca_file);
   if (!authorities) return Error{fmt::format("tls_ca of {}: {}", server.endpoint, authorities.error().message)};
   grpc::SslCredentialsOptions tls;
@@ -80,6 +86,8 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, max_reconnect_ms);
   arguments.SetMaxReceiveMessageSize(max_message_bytes);
   arguments.SetMaxSendMessageSize(max_message_bytes);
+  // A ledger is reached by nobody's web proxy, whatever https_proxy says.
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   // Each client has a connection of its own, also when one process has several.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   if (!server.server_name.empty()) arguments.SetSslTargetNameOverride(server.server_name);

@@ -3,6 +3,7 @@
 #include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
 
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 
 namespace ledgerline::fabric {
@@ -12,6 +13,7 @@ constexpr int keepalive_timeout_ms = 20'000;
 
 Result<TlsServer> serve(const TlsEndpoint& at, const std::shared_ptr<grpc::ServerCredentials>& credentials,
                         const std::vector<grpc::Service*>& services) {
+  if (Status s = check_endpoint(at.listen, 0); !s) return Error{"cannot listen on " + s.error().message};
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(at.listen, credentials, &port);

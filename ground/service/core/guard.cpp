@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <cctype>
 
 namespace ledgerline::ground::service {
 namespace {
@@ -23,9 +24,12 @@ std::string_view trimmed(std::string_view text) {
 
 /// What may be a token: of the Authorization header, or of the stream's subprotocols.
 std::vector<std::string_view> tokens_of(const Head& head) {
-  constexpr std::string_view bearer = "Bearer ", in_list = "token.";
+  constexpr std::string_view bearer = "bearer ", in_list = "token.";
   if (!head.websocket) {
-    if (head.authorization.substr(0, bearer.size()) != bearer) return {};
+    // A scheme's case is nobody's business (RFC 9110, 11.1).
+    const auto same = [](char a, char b) { return std::tolower(static_cast<unsigned char>(a)) == b; };
+    const std::string_view scheme = head.authorization.substr(0, bearer.size());
+    if (!std::equal(scheme.begin(), scheme.end(), bearer.begin(), bearer.end(), same)) return {};
     return {head.authorization.substr(bearer.size())};
   }
   std::vector<std::string_view> tokens;

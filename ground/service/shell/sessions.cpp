@@ -31,8 +31,8 @@ constexpr std::chrono::seconds keep_alive{60};  // who keeps a place is waited f
 constexpr std::chrono::seconds end_timeout{1};  // of the other side's last word in TLS
 // A month, and only for names: it holds for every port of the host, and localhost has other services.
 constexpr const char* https_only = "max-age=2592000";
-constexpr double requests_per_s = 100;  // of one connection
-constexpr std::size_t max_head_bytes = 8192;
+constexpr double requests_per_s = 100;             // of one connection
+constexpr std::size_t max_head_bytes = 32 * 1024;  // cookies of every other server on localhost come with a request
 constexpr const char* role_taken = "the ledger knows this operator as none any more: nothing is signed for him";
 
 const std::string& policy() {
@@ -167,6 +167,8 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
   void on_read(beast::error_code error) {
     if (error == http::error::body_limit)
       return write(respond(parser_->get(), refusal(413, "a body has 64 kB at most, a mission's 4 MB")));
+    if (error == http::error::header_limit)
+      return write(respond(parser_->get(), refusal(431, "a head has 32 kB at most")));
     if (error) return end();
     const Request& request = parser_->get();
     if (websocket::is_upgrade(request)) return upgrade();

@@ -31,6 +31,8 @@ TEST_F(GuardTest, AcceptsTheTokenFromItsOwnPageOrFromNone) {
   head.host = "localhost:8800";
   head.origin = "http://localhost:8800";
   EXPECT_EQ(check(head), 0U);
+  head.authorization = "bearer " + token;
+  EXPECT_EQ(check(head), 0U) << "a scheme is read without its case";
 }
 
 TEST_F(GuardTest, RefusesAnotherSitesPageAndANameThatWasBoundToThisAddress) {
@@ -51,7 +53,7 @@ TEST_F(GuardTest, RefusesAnotherSitesPageAndANameThatWasBoundToThisAddress) {
 TEST_F(GuardTest, RefusesWhoDoesNotKnowTheWholeToken) {
   for (const std::string& wrong :
        {std::string(), std::string("Bearer "), "Bearer " + token.substr(1), "Bearer " + token + "0",
-        "Bearer " + std::string(64, 'a'), token, "bearer " + token, "Basic " + token}) {
+        "Bearer " + std::string(64, 'a'), token, "Bearer" + token, "Basic " + token}) {
     Head head = good();
     head.authorization = wrong;
     EXPECT_EQ(check(head), 401U) << wrong;

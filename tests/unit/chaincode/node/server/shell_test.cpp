@@ -235,6 +235,17 @@ TEST_F(ShellTest, NoNewAuthoritiesAreMadeOverAnOldChain) {
   EXPECT_FALSE(std::filesystem::exists(dir_ / "crypto"));
 }
 
+// Zero length after a power cut, or a copy that went wrong: a new chain would have other owners and forget every stop.
+TEST_F(ShellTest, AnEmptyBlockFileBesideItsAnchorIsDamageAndNoNewLedger) {
+  node.reset();
+  std::filesystem::resize_file(dir_ / "ledger" / "blocks", 0);
+  Node::Options options;
+  options.dir = dir_.string();
+  const auto opened = Node::open(std::move(options));
+  ASSERT_FALSE(opened);
+  EXPECT_THAT(opened.error().message, HasSubstr("ledger/blocks has no block, though"));
+}
+
 TEST_F(ShellTest, TheQueueToTheCoreIsBounded) {
   const auto gate = std::make_shared<std::mutex>();  // shared: the core's thread may leave it after this test has ended
   gate->lock();
