@@ -11,7 +11,7 @@ inline const std::string ledger_table_help =
 
 inline const std::string channel_tables_help =
     "  [[channel]] name, contract, config_block, endpoint, tls_ca, server_name, tls_certificate, tls_key: a further\n"
-    "    channel; [[drone]] channel; [[orderer]], [[endorser]], [[peer]] channels (docs/channels.md)\n";
+    "    channel; [[drone]] channel; [[orderer]], [[endorser]], [[peer]] channels (docs/fabric.md)\n";
 
 inline const std::string dds_table_help =
     "  [dds] domain (ROS_DOMAIN_ID); local_only, interfaces and peers, or cyclonedds; ros_release; for DDS Security\n"

@@ -7,7 +7,7 @@
 
 namespace ledgerline::ground {
 
-/// What ground publishes for ROS 2: a row a topic. docs/topics.md has frames and meanings.
+/// What ground publishes for ROS 2: a row a topic. docs/ros2.md has frames and meanings.
 struct DroneTopic {
   std::string_view name;  ///< "/odom" of "/tello1/odom"
   bool of_all = false;    ///< one topic of this name for all drones
