@@ -38,6 +38,6 @@ install(FILES common/fabric/example.cpp DESTINATION ${examples} RENAME client.cp
 install(FILES chaincode/shim/example.cpp DESTINATION ${examples} RENAME chaincode.cpp COMPONENT dev)
 install(FILES hil/shim/example.cpp DESTINATION ${examples} RENAME drones.cpp COMPONENT dev)
 install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt COMPONENT dev)
-# Your own code under test (docs/own-code.md): the interface of plug-ins, and an example.
+# Your own code under test (docs/faults.md): the interface of plug-ins, and an example.
 install(FILES ground/plugin/controller_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/ground/plugin COMPONENT dev)
 install(FILES ground/plugin/example.cpp DESTINATION ${examples} RENAME controller.cpp COMPONENT dev)

@@ -35,7 +35,7 @@ function(ll_library name)
 endfunction()
 
 # Every program, no test; and every unit test with the programs that it runs. onboard_tests: those of
-# what runs on a companion computer (docs/onboard.md) that need none of the programs; they have the label `onboard`.
+# what runs on a companion computer (docs/three-machines.md) that need none of the programs; they have the label `onboard`.
 # threads_tests: those that start threads, so that tsan has something to find; they have the label `threads`.
 add_custom_target(programs)
 # part_tests: those that sanitizers run in every run. Release runs them without --all, with --long or by name alone (label `sanitized`),

@@ -159,19 +159,19 @@ constexpr const char* about_sitl =
 constexpr const char* about_proxy =
     "Stands between Tello clients and drones (UDP), and between Fabric clients and servers (TCP), and impairs what "
     "goes\n"
-    "through (docs/proxy.md), until SIGINT or SIGTERM. Exit code 0: ended as asked; 1: something failed; 2: bad "
+    "through (docs/faults.md), until SIGINT or SIGTERM. Exit code 0: ended as asked; 1: something failed; 2: bad "
     "options\n"
     "or file.";
 constexpr const char* about_faults =
     "Tells a running proxy or shim what to switch: drone NAME to|answers|state|video|from|both EFFECTS, server NAME\n"
     "to|from|both EFFECTS, server NAME cut, sensor NAME FAULT, of the shim sdk NAME FAULT, clear, list "
-    "(docs/proxy.md). Exit code 0: done; 1: refused or not "
+    "(docs/faults.md). Exit code 0: done; 1: refused or not "
     "reached;\n"
     "2: bad options.";
 
 constexpr const char* about_day =
     "Prints loss and delay over time of a Tello's link, from a capture made at the client, as a table for the effect\n"
-    "recorded-day (docs/proxy.md). Exit code 0: done; 1: no such link in it, or damaged; 2: bad options.";
+    "recorded-day (docs/faults.md). Exit code 0: done; 1: no such link in it, or damaged; 2: bad options.";
 
 }  // namespace
 

@@ -1,5 +1,5 @@
 # Cross build for 64-bit ARM: Debian's cross compiler beside a sysroot of our own, which toolchains/aarch64-sysroot makes.
-# Tests run under qemu-user. See docs/onboard.md.
+# Tests run under qemu-user. See docs/three-machines.md.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)

@@ -1,7 +1,7 @@
 #pragma once
 #include <openssl/ssl.h>
 
-/// How all of Ledgerline speaks TLS, listeners and clients alike; the page: docs/security-in-operation.md, "TLS".
+/// How all of Ledgerline speaks TLS, listeners and clients alike; the page: SECURITY.md, "TLS".
 ///
 /// gRPC's listeners and clients (common/fabric/tls, common/fabric/client) cannot be configured: version 1.51 has no
 /// call for versions or ciphers. Its defaults are what stands here: tests/unit/common/crypto/tls_policy_test.cpp

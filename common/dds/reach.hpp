@@ -34,7 +34,7 @@ Result<std::vector<Interface>> host_interfaces();
 constexpr std::size_t max_interfaces = 4;
 /// A participant's ports are 7410 + 250 x domain + 2 x index and the next one: 120 fit in front of the next domain's.
 /// Each participant asks all of these ports of this host, and of each of [dds] peers, every 8 s, so a higher index
-/// costs everybody packets (docs/dds.md).
+/// costs everybody packets (docs/ros2.md).
 constexpr int max_participants = 120;
 
 /// How far a participant's domain reaches.

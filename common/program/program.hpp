@@ -133,14 +133,14 @@ class Recorder {
 };
 
 /// Help of the tables that several programs' configs have, each read by one reader (common/fabric/config.hpp,
-/// common/dds/settings/config.hpp, common/bridge/core/rules.hpp): lines for a program's notes.
+/// common/dds/dds.hpp, common/bridge/core/rules.hpp): lines for a program's notes.
 inline const std::string ledger_table_help =
     "  [ledger] endpoint, tls_ca, msp_id, msp_dir (or certificate, private_key), blocks, timeouts (fixed|auto);\n"
     "  [[orderer]], [[peer]] endpoint, tls_ca, and as [ledger] server_name, tls_certificate, tls_key; [[msp]] id, ca\n";
 
 inline const std::string channel_tables_help =
     "  [[channel]] name, contract, config_block, endpoint, tls_ca, server_name, tls_certificate, tls_key: a further\n"
-    "    channel; [[drone]] channel; [[orderer]], [[endorser]], [[peer]] channels (docs/channels.md)\n";
+    "    channel; [[drone]] channel; [[orderer]], [[endorser]], [[peer]] channels (docs/fabric.md)\n";
 
 inline const std::string dds_table_help =
     "  [dds] domain (ROS_DOMAIN_ID); local_only, interfaces and peers, or cyclonedds; ros_release; for DDS Security\n"

@@ -204,7 +204,7 @@ void set_velocity(const Twist& velocity, TimeNs came_ns, PilotCommand& command);
 /// Index of the drone of this name; nothing: it does not fly here.
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name);
 
-/// What ground publishes for ROS 2: a row a topic. docs/topics.md has frames and meanings.
+/// What ground publishes for ROS 2: a row a topic. docs/ros2.md has frames and meanings.
 struct DroneTopic {
   std::string_view name;  ///< "/odom" of "/tello1/odom"
   bool of_all = false;    ///< one topic of this name for all drones

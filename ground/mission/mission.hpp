@@ -10,7 +10,7 @@
 #include "common/crypto/crypto.hpp"
 #include "ground/motion/waypoints.hpp"
 
-/// Missions: several drones, a path each, flown together (docs/missions.md). All of this is without I/O.
+/// Missions: several drones, a path each, flown together (docs/station.md). All of this is without I/O.
 namespace ledgerline::ground::mission {
 
 using motion::Waypoint;

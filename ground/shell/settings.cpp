@@ -83,7 +83,7 @@ void read_plugin(Config& config, FlightConfig& flight) {
   const std::string file =
       config.text({"flight.controller",
                    "shared library that steers along the path in the place of ground's own controller "
-                   "(docs/own-code.md); none: ground's own"},
+                   "(docs/faults.md); none: ground's own"},
                   "");
   if (file.empty()) return;
   auto loaded = load_controller(file);

@@ -63,7 +63,7 @@ Status check_sitl(const Script& script) {
   const bool manual = script.kind == FlightKind::manual;
   return Error{
       fmt::format("{}: flight.kind = \"{}\" is flown by a program of yours, in real time: give --program COMMAND{} "
-                  "(docs/own-code.md)",
+                  "(docs/faults.md)",
                   script.name, name_of(script.kind), manual ? ", or rows [[pilot]] for simulated time" : "")};
 }
 

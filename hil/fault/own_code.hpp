@@ -7,7 +7,7 @@
 #include "hil/fault/checker/rule.hpp"
 #include "hil/fault/script.hpp"
 
-// Somebody's own code in a fault run (docs/own-code.md).
+// Somebody's own code in a fault run (docs/faults.md).
 namespace ledgerline::hil {
 
 /// What is under test besides Ledgerline. Empty: nothing.

@@ -100,7 +100,7 @@ Status Switches::apply_fault(std::vector<std::vector<Switched<Fault>>>& all, std
   const auto meant = named(Target::Kind::drone, name);
   if (!meant) return meant.error();
   if (std::is_same_v<Fault, SdkFault> && !targets_[meant->front()].behind_shim)
-    return Error{"only the shim knows the SDK's calls (docs/shim.md): allowed here are drone, server and sensor"};
+    return Error{"only the shim knows the SDK's calls (docs/faults.md): allowed here are drone, server and sensor"};
   const bool off = rest.ends_with(" off");
   if (off) rest = trimmed(rest.substr(0, rest.size() - 4));
   auto fault = parse(rest);

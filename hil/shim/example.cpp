@@ -1,4 +1,4 @@
-// Another simulator behind link's shim, as small as one can be (docs/shim.md): drones that do what they are commanded
+// Another simulator behind link's shim, as small as one can be (docs/faults.md): drones that do what they are commanded
 // at once, as points. Takes the shim's file and a number of drones; ends with SIGINT. Then, in link.toml:
 //
 //     [tello]

@@ -10,7 +10,7 @@
 
 namespace ledgerline::hil::shim {
 
-/// What an agent says to link, and what goes wrong meanwhile: a TOML file (docs/shim.md). Times are since the script
+/// What an agent says to link, and what goes wrong meanwhile: a TOML file (docs/faults.md). Times are since the script
 /// began.
 struct PlanScript {
   /// A plan, repeated until `until_ns`: flown ones 30 times a second, each good for 0.6 s; the others 10 times a

@@ -10,7 +10,7 @@
 #include "common/msg/onboard.hpp"
 #include "common/rt/spsc_ring.hpp"
 
-/// The shared memory that stands in place of the Tello's UDP link (docs/shim.md): plain data, laid out alike in both
+/// The shared memory that stands in place of the Tello's UDP link (docs/faults.md): plain data, laid out alike in both
 /// processes because both are of one build (`layout` says so).
 
 namespace ledgerline::drone_shim {

@@ -239,7 +239,7 @@ void SimOptions::add_to(Arguments& arguments) {
       .within(0.0, 1000.0)
       .shows_default();
   arguments.option("--config", config_,
-                   "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
+                   "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/ros2.md)");
   arguments.option("--spacing", p.spacing_m, "m between drones at the start, in rows of 4")
       .within(0.3, 100.0)
       .shows_default();

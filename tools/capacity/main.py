@@ -31,7 +31,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="scripts/capacity", formatter_class=argparse.RawDescriptionHelpFormatter,
         description="Flies fleets of simulated drones on 1 to 3 drone hosts (network namespaces) and 1 to 4 channels, and\n"
-        "measures the CPU of each process in % of a core, with the formula that fits (docs/capacity.md).",
+        "measures the CPU of each process in % of a core, with the formula that fits (docs/measuring.md).",
         epilog="Exit codes: 0 all was measured; 1 something was not; 2 bad usage.")
     parser.add_argument("--ledger", choices=("embedded", "fabric"), default="embedded", help="[embedded]")
     parser.add_argument("--seconds", type=float, default=6, help="measured at each point, drones on their path [6]")

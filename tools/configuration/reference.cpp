@@ -98,14 +98,15 @@ const std::vector<Source>& sources() {
        {ledger, channels, topics, dds},
        read_ground},
       {"bridge",
-       "`ledgerline bridge bridge.toml`: [any ROS 2 topic](bridge.md) through the ledger.",
+       "`ledgerline bridge bridge.toml`: [any ROS 2 topic](ros2.md#any-topic-through-the-ledger) through the ledger.",
        {ledger, topics, dds},
        [](Config& config) {
          (void)bridge::read_bridge(config);
          return done;
        }},
       {"endorser",
-       "`ledgerline endorser endorser.toml`: [an organisation's own endorser](endorser.md).",
+       "`ledgerline endorser endorser.toml`: [an organisation's own "
+       "endorser](fabric.md#an-organisations-own-endorser).",
        {ledger},
        [](Config& config) {
          (void)endorser::read_settings(config);
@@ -113,12 +114,12 @@ const std::vector<Source>& sources() {
        }},
       {"control",
        "`ledgerline control --config operator.toml`: leases, stops, grants and enrolments by hand. "
-       "[Receipts](receipts.md) are made with the same.",
+       "[Receipts](proof.md#receipts) are made with the same.",
        {ledger},
        {}},
       {"sim", "`ledgerline sim --config sim.toml`; all else are options.", {dds}, {}},
       {"proxy",
-       "`ledgerline hil proxy --config proxy.toml`: [a bad network](proxy.md).",
+       "`ledgerline hil proxy --config proxy.toml`: [a bad network](faults.md#the-proxy).",
        {},
        [](Config& config) { return status_of(hil::proxy::read_settings(config)); }},
       {"fabric",
@@ -128,7 +129,8 @@ const std::vector<Source>& sources() {
        {},
        [](Config& config) { return status_of(network::read_options(config, network::Options{})); }},
       {"deployment",
-       "`deployment.toml`: [which hosts, drones, ledger](deployment.md). A file without `[[host]]` has `[[drone]]`, "
+       "`deployment.toml`: [which hosts, drones, ledger](three-machines.md#what-is-where). A file without `[[host]]` "
+       "has `[[drone]]`, "
        "`[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are there "
        "already](fly.md#real-drones).",
        {},
@@ -139,19 +141,21 @@ const std::vector<Source>& sources() {
        {},
        read_ledger},
       {channels,
-       "Agent and ground may have their drones on [several channels](channels.md) of the ledger at once.",
+       "Agent and ground may have their drones on [several channels](fabric.md#several-channels) of the ledger at "
+       "once.",
        {ledger},
        [](Config& config) {
          (void)fabric::read_channels(config);
          return done;
        }},
       {topics,
-       "[Any ROS 2 topic](bridge.md) that the program carries: in bridge's own file, and in agent's and ground's "
+       "[Any ROS 2 topic](ros2.md#any-topic-through-the-ledger) that the program carries: in bridge's own file, and in "
+       "agent's and ground's "
        "beside their "
        "work.",
        {},
        read_topics},
-      {dds, "How far DDS reaches, and its security: [DDS](dds.md).", {}, read_dds},
+      {dds, "How far DDS reaches, and its security: [DDS](ros2.md#dds).", {}, read_dds},
   };
   return all;
 }
@@ -257,8 +261,8 @@ std::string page() {
       "program was "
       "started. `./fly` writes a file for each of\nits programs into its run's folder: an example of each. Scripts of "
       "faults "
-      "are in [fault runs](faults.md) and [the proxy](proxy.md), the\ntables of experiments in "
-      "[experiments](experiments.md).\n";
+      "are in [fault runs](faults.md) and [the proxy](faults.md#the-proxy), the\ntables of experiments in "
+      "[experiments](measuring.md#experiments-ledgerline-experiment).\n";
   for (const Part& part : parts()) text += "\n" + show(part);
   return text;
 }

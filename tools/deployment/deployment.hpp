@@ -12,7 +12,7 @@
 #include "common/rt/clock.hpp"
 
 /// deployment.toml: which hosts there are and what runs on each, which drones, which ledger. One format for the
-/// launcher, for what looks after hosts, and for tests; docs/deployment.md has an example.
+/// launcher, for what looks after hosts, and for tests; docs/three-machines.md has an example.
 namespace ledgerline::deployment {
 
 /// What carries states and commands; none: the same controller beside the driver.
@@ -73,7 +73,7 @@ struct OneHost {
 };
 
 /// `config`: the file that the deployment was read from. Each thing that such a flight would have to pass over
-/// (docs/deployment.md) is an error with its file, line and key; all of them come at once.
+/// (docs/three-machines.md) is an error with its file, line and key; all of them come at once.
 Result<OneHost> on_one_host(Config& config, const Deployment& deployment);
 Result<OneHost> read_one_host(Config& config);
 

@@ -32,7 +32,7 @@ Examples:
   ledgerline identity status --config /etc/ledgerline/agent.toml
 
 Keys are made on this host, 0600, and stay on it. Agent and ground that run take what is renewed within seconds. Needs
-fabric-ca-client (--program). docs/identities.md goes through it.
+fabric-ca-client (--program). docs/three-machines.md goes through it.
 Exit codes: 0 done, of status: all hold for 30 days; 1 not; 2 wrong usage.)";
 
 struct Options {
@@ -135,7 +135,7 @@ Status revoke(Options& options) {
     print_line(
         "The authority gives no new certificate to who is revoked; the channel takes the old one until its "
         "configuration "
-        "has the list: docs/identities.md says how.");
+        "has the list: docs/three-machines.md says how.");
     return done;
   }
   const auto block = read_file(options.config_block);

@@ -37,7 +37,7 @@ Status write_sim_config(const RunFiles& files, const Options& options);
 /// Without a ledger: link.toml and local.toml.
 Status write_local_configs(const RunFiles& files, const Options& options);
 
-/// The child that is the proxy of a flight (docs/proxy.md).
+/// The child that is the proxy of a flight (docs/faults.md).
 inline const std::string proxy_name = "hil-proxy";
 
 /// Where the ledger is.

@@ -111,7 +111,7 @@ class FlightLedger {
 /// A deployment's own drones: no sim, and ground once all of them could take off.
 /// Without a ledger: roudi, sim -> link, local -> local ends -> link, sim, roudi; nothing is started again.
 /// RouDi, link and agent are started again when they end in flight, each a bounded number of times; any other one's end
-/// ends the flight. docs/deaths.md says what each death means for a drone in the air.
+/// ends the flight. docs/failsafe.md says what each death means for a drone in the air.
 ///
 /// `interrupts` counts Ctrl-C: the first one lands the drones, a second one does not wait for that.
 class Launcher {

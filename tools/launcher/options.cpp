@@ -67,7 +67,7 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
           "left out; once for each drone")
       .one_at_a_time();
   line.option("--controller", o.controller,
-              "A shared library that steers along the path in the place of ground's own controller (docs/own-code.md)")
+              "A shared library that steers along the path in the place of ground's own controller (docs/faults.md)")
       .existing_file();
   line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
   line.option("--pose", o.pose,
@@ -104,7 +104,7 @@ void add_deployment_options(CommandLine& line, Options& o, Words& words) {
       line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default();
   line.option(
           "--deployment", words.deployment,
-          "deployment.toml: simulated drones and their ledger on this host (docs/deployment.md), or without [[host]]\n"
+          "deployment.toml: simulated drones and their ledger on this host (docs/three-machines.md), or without [[host]]\n"
           "drones that are there already, real ones, and their fence (docs/fly.md)")
       .existing_file()
       .excludes(drones)
@@ -121,7 +121,7 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
   line.flag("--endorser", o.endorser,
             "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone");
   line.flag("--endorser-within", o.endorser_within,
-            "The same within agent, which holds that key then, and serves ground (docs/endorser.md)");
+            "The same within agent, which holds that key then, and serves ground (docs/fabric.md)");
   line.option("--blocks", o.blocks,
               "Whose blocks agent and ground take: the own peer's, or an orderer's as soon as they are validated")
       .one_of({"peer", "ordered"})
@@ -138,11 +138,11 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
 void add_run_options(CommandLine& line, Options& o) {
   const Option proxy = line.flag("--proxy", o.proxy,
                                  "Drones and ledger behind a proxy that `ledgerline hil faults OUT/faults.sock` "
-                                 "impairs (docs/proxy.md)");
+                                 "impairs (docs/faults.md)");
   line.option("--faults", o.faults, "TOML file: what the proxy switches when").needs(proxy).existing_file();
   line.flag("--shim", o.shim,
             "Drones behind shared memory in place of UDP; `ledgerline hil faults OUT/shim.sock` impairs them "
-            "(docs/shim.md)");
+            "(docs/faults.md)");
   const Option watch = line.flag(
       "--watch", o.watch,
       "Ground serves a page to look on, to fly by hand and to stop all; its address is printed (docs/station.md)");

@@ -66,7 +66,7 @@ Status act(Station& station, const VerbOptions& verb_options, const std::string&
 }
 
 constexpr const char* about =
-    "The missions of a station: several drones, a path each, flown together (docs/missions.md).\n"
+    "The missions of a station: several drones, a path each, flown together (docs/station.md).\n"
     "Each is checked where the drones stand, approved by the digest of its text, and started.";
 const std::string notes = R"(Examples:
   ledgerline missions

@@ -197,7 +197,7 @@ int main(int argc, char** argv) {
   calibration.option("address", options.address, "its address").required();
   calibration.option("--mocap", options.mocap, "topic of its poses (PoseStamped on DDS), or none").shows_default();
   calibration.option("--config", options.config,
-                     "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
+                     "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/ros2.md)");
   calibration.option("--out", options.out, "TOML file that is written").shows_default();
   calibration.option("--repeat", options.repeat, "times that the schedule of a minute is flown")
       .within(1, 5)

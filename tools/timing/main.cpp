@@ -147,7 +147,7 @@ int self_test(const Options& options) {
     if (auto written = write_file(options.json, document.dump(2) + "\n"); !written)
       return fail(written.error().message);
   }
-  std::cout << (test.good() ? "  good enough for link\n" : "  NOT good enough for link: see docs/timing.md\n");
+  std::cout << (test.good() ? "  good enough for link\n" : "  NOT good enough for link: see docs/measuring.md\n");
   return test.good() ? EXIT_SUCCESS : exit_limit;
 }
 

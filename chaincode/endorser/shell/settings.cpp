@@ -32,7 +32,7 @@ FirstStateSettings first_state(Config& config, const std::string& table) {
       {table + "first_state",
        "folder of a snapshot that a peer of Fabric made (`peer snapshot submitrequest`): a start without a checkpoint "
        "begins behind it. What the contract's keys hold is then [the peer's word]"
-       "(endorser.md#a-first-start-from-a-peers-snapshot)",
+       "(fabric.md#an-organisations-own-endorser)",
        "none: such a start reads all blocks"},
       "");
   out.hash = config.text(
@@ -65,7 +65,8 @@ Settings read_own_endorser_settings(Config& config) {
   out.msp_dir = config.text(
       {"own_endorser.msp_dir",
        "folder with an identity of OU=peer, with which this process endorses for its organisation by itself, and asks "
-       "others only where it cannot: an intruder there has that key ([what it costs](endorser.md#in-process)); "
+       "others only where it cannot: an intruder there has that key ([what it "
+       "costs](fabric.md#an-organisations-own-endorser)); "
        "needs config_block and [[orderer]]",
        "none: others endorse"},
       "");

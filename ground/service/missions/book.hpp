@@ -82,7 +82,7 @@ class MissionBook {
   const mission::CheckConfig& check_config() const { return settings_.check; }
   std::vector<std::string> ids() const;
 
-  /// JSON of docs/missions.md.
+  /// JSON of docs/station.md.
   std::string list() const;
   std::string show(const std::string& id) const;
   /// For restore().

@@ -126,7 +126,7 @@ Result<FaultActs> sdk(const ParsedText& parsed) {
   acts.check_real = [](const Fault&, const RealStack& stack) -> Status {
     return allow_if(stack.shim,
                     "the proxy knows datagrams, not the SDK's calls: simulated time has it, and the shim "
-                    "(--shim, docs/shim.md)");
+                    "(--shim, docs/faults.md)");
   };
   // As a state text that says another velocity or heading, up to the other way round.
   acts.misleads_mps = of_states(fault->kind) ? 2 * rc_full_mps : 0;

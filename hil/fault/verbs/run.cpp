@@ -174,10 +174,10 @@ Act run(CommandLine& line) {
   verb.option("--ledger", options->ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
   verb.flag("--shim", options->shim,
             "of --real: drones behind shared memory in place of UDP, which has faults at the SDK's own calls "
-            "(docs/shim.md)")
+            "(docs/faults.md)")
       .needs(real);
   verb.option("--controller", options->own.controller,
-              "a shared library that steers along the path in the place of ground's own controller (docs/own-code.md)")
+              "a shared library that steers along the path in the place of ground's own controller (docs/faults.md)")
       .existing_file();
   verb.option("--program", options->program,
               "a command that flies scripts of kind manual (over the drones' topics) or sdk (over the SDK)")

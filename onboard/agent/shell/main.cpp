@@ -159,7 +159,7 @@ agent.toml: [[drone]] name, number;
   [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, max_back_off_ms, refused_drone_pause_ms
   [agent] heartbeat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, integrity_hold_s, max_absence_blocks, seed,
     start_wait_s
-  [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/endorser.md)
+  [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/fabric.md)
   [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:

@@ -155,7 +155,7 @@ bool read_transport(Config& config, ShellSettings& settings) {
   const bool udp =
       config.choice({"tello.transport",
                      "how drones are reached: udp, or shim: simulated ones through shared memory, without a network "
-                     "(docs/shim.md). The other keys of [tello] and [state] listen are udp's"},
+                     "(docs/faults.md). The other keys of [tello] and [state] listen are udp's"},
                     {"udp", "shim"}, "udp") == "udp";
   const std::string memory = config.text({"shim.memory", "the file in /dev/shm that `ledgerline hil shim` made"}, "");
   settings.lockstep = config.boolean(

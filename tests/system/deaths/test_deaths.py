@@ -89,7 +89,7 @@ def kill_agent_in_flight(out: pathlib.Path, kills: int) -> dict:
     stolen_s = steal_s() - stolen_s
     assert flight.wait(TIMEOUT_S) == 0, printed(out)
     restarts = result(out)["restarts"]
-    # Who is killed with one of RouDi's locks takes RouDi along, and link is started with the new one (docs/deaths.md).
+    # Who is killed with one of RouDi's locks takes RouDi along, and link is started with the new one (docs/failsafe.md).
     assert restarts["agent"] >= kills and restarts.get("roudi", 0) == restarts.get("link", 0)
     assert_stayed_up(out, at_ns[0], end_ns)
     trace = of_link(out)

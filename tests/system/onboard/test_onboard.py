@@ -22,8 +22,8 @@ PROGRAMS = ["ledgerline-link", "ledgerline-agent", "ledgerline-roudi"]
 
 
 def listed(program: str) -> set[str]:
-    """The libraries that docs/onboard.md lists."""
-    row = re.search(rf"^\| `{program}` .*$", (ROOT / "docs/onboard.md").read_text(), re.MULTILINE)
+    """The libraries that docs/three-machines.md lists."""
+    row = re.search(rf"^\| `{program}` .*$", (ROOT / "docs/three-machines.md").read_text(), re.MULTILINE)
     return set(re.findall(r"`(lib[^`]+)`", row[0]))
 
 
@@ -140,7 +140,7 @@ def test_the_main_loop_of_agent_takes_no_lock_but_those_that_the_page_lists(tmp_
             continue  # gives, and takes nothing
         ours = os.path.basename(file) == "ledgerline-agent"
         seen.add(own_file(BIN / "ledgerline-agent", place) if ours else os.path.basename(file).split(".so")[0])
-    agents = (ROOT / "docs/threads.md").read_text().split("**Locks on the main loop.**")[1].split("\n## ")[0]
+    agents = (ROOT / "docs/architecture.md").read_text().split("**Locks on the main loop.**")[1].split("\n## ")[0]
     listed_locks = set(re.findall(r"^\| `([\w.]+)`", agents, re.MULTILINE))
     assert seen <= listed_locks
     assert {"pipeline.cpp", "msp.cpp", "libiceoryx_hoofs"} <= seen, "the watch sees nothing"

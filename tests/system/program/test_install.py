@@ -1,4 +1,4 @@
-"""What `cmake --install` puts in place, part by part: programs, units, users and example configs (docs/install.md)."""
+"""What `cmake --install` puts in place, part by part: programs, units, users and example configs (docs/three-machines.md)."""
 import os
 import pathlib
 import re

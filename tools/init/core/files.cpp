@@ -287,7 +287,7 @@ Result<std::string> example_deployment() {
   (void)deployment::read(config);
   return values.commented(
       "deployment.toml: which hosts there are and what runs on each, which drones, which ledger "
-      "(docs/deployment.md). The same file for all hosts.",
+      "(docs/three-machines.md). The same file for all hosts.",
       config.described());
 }
 

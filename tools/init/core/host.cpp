@@ -86,7 +86,7 @@ const Server& HostPlan::own_of(const std::string& of_channel) const {
 Status add_channels(HostPlan& plan, const std::vector<std::string>& texts) {
   if (texts.empty()) return done;
   if (plan.ledger != deployment::LedgerKind::fabric)
-    return Error{"--channel: the embedded ledger has one channel; several are of Fabric (docs/channels.md)"};
+    return Error{"--channel: the embedded ledger has one channel; several are of Fabric (docs/fabric.md)"};
   for (const std::string& text : texts) {
     if (text == plan.channel) continue;
     const std::size_t at = text.find('=');

@@ -80,7 +80,7 @@ Result<Request> mission_to_add(const std::string& file, std::string text, const 
     if (!name.empty()) return Error{file + ": JSON says the mission's name; --name is for CSV"};
     return post("missions", std::move(text));
   }
-  if (!file.ends_with(".csv")) return Error{file + ": is neither .json nor .csv (docs/missions.md)"};
+  if (!file.ends_with(".csv")) return Error{file + ": is neither .json nor .csv (docs/station.md)"};
   const auto slash = file.rfind('/');
   const std::string stem = file.substr(slash + 1, file.size() - slash - 1 - std::string_view(".csv").size());
   const std::string& named = name.empty() ? stem : name;

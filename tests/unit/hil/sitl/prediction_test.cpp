@@ -1,4 +1,4 @@
-// How well prediction flies, as docs/prediction.md has it, checked against the simulator's truth. Two seeds in every
+// How well prediction flies, as docs/control.md has it, checked against the simulator's truth. Two seeds in every
 // run, ten with LEDGERLINE_LONG=1. All flights in gusts of 0.1 m/s; drones that can be commanded up to 2 m/s, so that
 // no limit of theirs stands in for good control.
 #include <fmt/format.h>
@@ -22,7 +22,7 @@ constexpr double failing_error_m = 1.0;
 using Drone = SimulatedFlightResult::Drone;
 
 // Of local's rms, with the published delay, its tail and all. The bar is 1.3, which experiment 8 checks:
-// docs/prediction.md says how it stands.
+// docs/control.md says how it stands.
 constexpr double beside_local = 1.5;
 
 enum class Way { local, embedded, published, published_plain, two_seconds };

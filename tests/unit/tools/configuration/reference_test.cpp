@@ -29,7 +29,7 @@ const std::set<std::string> other_readers{"chaincode/lifecycle/main.cpp", "hil/f
                                           "hil/fault/pilot.cpp",          "hil/fault/script.cpp",
                                           "hil/shim/scripted_agent.cpp",  "onboard/agent/shell/main.cpp"};
 
-const std::set<std::string> script_keys{"fault.do", "at_s", "for_s", "do"};  // of the proxy's scripts (docs/proxy.md)
+const std::set<std::string> script_keys{"fault.do", "at_s", "for_s", "do"};  // of the proxy's scripts (docs/faults.md)
 
 std::set<std::string> readers() {
   const std::regex asks(R"(config(\.|->)(text|choice|number|integer|boolean|numbers|texts|table_count)\()");

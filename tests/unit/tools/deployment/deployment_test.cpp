@@ -27,7 +27,7 @@ const std::string organisation = "[[organisation]]\nid = \"Org1MSP\"\nhost = \"g
 const std::string drone = "[[drone]]\nname = \"tello1\"\nhost = \"ground\"\naddress = \"127.0.0.2\"\n";
 
 TEST(Deployment, ThePagesExampleIsRead) {
-  const auto deployment = read_text(example_of_the_page(0));
+  const auto deployment = read_text(fabric_example());
   ASSERT_TRUE(deployment) << deployment.error().message;
   EXPECT_EQ(deployment->ledger, LedgerKind::fabric);
   EXPECT_EQ(deployment->channel, "teleop");

@@ -18,7 +18,7 @@ Result<OneHost> of_text(const std::string& toml) {
 
 /// What is wrong with the page's flight on one host once `text` is replaced there.
 std::string error_with(const std::string& text, const std::string& other) {
-  std::string toml = example_of_the_page(1);
+  std::string toml = one_machine_example();
   toml.replace(toml.find(text), text.size(), other);
   const auto host = of_text(toml);
   return host ? "" : host.error().message;
@@ -27,7 +27,7 @@ std::string error_with(const std::string& text, const std::string& other) {
 const std::string last_organisation = "[[organisation]]\nid = \"Org3MSP\"\nhost = \"ground\"\n";
 
 TEST(OneHost, ThePagesSecondExampleIsAFlightOfTwo) {
-  const auto host = of_text(example_of_the_page(1));
+  const auto host = of_text(one_machine_example());
   ASSERT_TRUE(host) << host.error().message;
   EXPECT_EQ(host->drones, 2);
   EXPECT_EQ(host->ledger, LedgerKind::embedded);
@@ -35,7 +35,7 @@ TEST(OneHost, ThePagesSecondExampleIsAFlightOfTwo) {
 }
 
 TEST(OneHost, FabricsOrderersAreCounted) {
-  std::string toml = example_of_the_page(1);
+  std::string toml = one_machine_example();
   toml.replace(toml.find("embedded"), std::string("embedded").size(), "fabric");
   for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"ground\"\n";
   const auto host = of_text(toml);
@@ -44,7 +44,7 @@ TEST(OneHost, FabricsOrderersAreCounted) {
 }
 
 TEST(OneHost, NothingOfTheFileIsPassedOverAndItsPlaceIsReported) {
-  const auto page = of_text(example_of_the_page(0));
+  const auto page = of_text(fabric_example());
   ASSERT_FALSE(page);
   EXPECT_THAT(page.error().message,
               HasSubstr("lab.toml:11: host.1.name: is \"ground\": a flight on one host has one host"));

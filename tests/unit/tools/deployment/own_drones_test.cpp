@@ -32,7 +32,7 @@ std::string own_error(const std::string& toml) {
 }
 
 TEST(OwnDrones, ThePagesExampleIsRead) {
-  const auto own = own_of(example_of_the_page(0, "docs/fly.md"));
+  const auto own = own_of(real_drones_example());
   ASSERT_TRUE(own) << own.error().message;
   ASSERT_EQ(own->drones.size(), 1U);
   EXPECT_EQ(own->drones[0].address, "192.168.10.1");

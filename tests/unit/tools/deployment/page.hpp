@@ -5,14 +5,20 @@
 
 namespace ledgerline::deployment {
 
-/// A block of TOML in a page, from 0 on.
-inline std::string example_of_the_page(int number, const std::string& name = "docs/deployment.md") {
-  std::ifstream file(LEDGERLINE_SOURCE "/" + name);
+inline std::string text_of_page(const std::string& name) {
+  std::ifstream file(LEDGERLINE_SOURCE "/docs/" + name);
   std::stringstream text;
   text << file.rdbuf();
-  const std::string page = text.str(), fence = "```toml\n";
-  std::size_t begin = 0;
-  for (int k = 0; k <= number; ++k) begin = page.find(fence, begin) + fence.size();
+  return text.str();
+}
+
+inline std::string fabric_example() { return text_of_page("examples/deployment-fabric.toml"); }
+inline std::string one_machine_example() { return text_of_page("examples/deployment-one-machine.toml"); }
+
+/// The first block of TOML in docs/fly.md.
+inline std::string real_drones_example() {
+  const std::string page = text_of_page("fly.md"), fence = "```toml\n";
+  const std::size_t begin = page.find(fence) + fence.size();
   return page.substr(begin, page.find("```", begin) - begin);
 }
 
