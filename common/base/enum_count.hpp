@@ -37,12 +37,13 @@ constexpr std::size_t count_enumerators() noexcept {
 template <typename Enum>
 inline constexpr std::size_t enum_count = count_enumerators<Enum>();
 
-/// Of names in the order of the values; "unknown" for a value that is none.
+/// Of names in the order of the values; `otherwise` for a value that is none.
 template <typename Enum, std::size_t count>
-constexpr const char* name_of(Enum value, const std::array<const char*, count>& names) noexcept {
+constexpr const char* name_of(Enum value, const std::array<const char*, count>& names,
+                              const char* otherwise = "unknown") noexcept {
   static_assert(count == enum_count<Enum>);
   const auto at = static_cast<std::size_t>(value);
-  return at < count ? names[at] : "unknown";
+  return at < count ? names[at] : otherwise;
 }
 
 template <typename Enum, std::size_t... i>

@@ -51,7 +51,7 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "another client commands it as well",
                              "the sources of its position contradict each other",
                              "a check of link or agent failed (a fault of the program itself)"};
-  return name_in(words, cause, "unknown cause");
+  return name_of(cause, words, "unknown cause");
 }
 
 /// The value that has this name.

@@ -324,7 +324,8 @@ Status fly_in_real_time(const ScriptedFlight& options) {
 
 const char* const ShimVerb::about =
     "Simulated drones behind link's shim: shared memory in place of the Tello's UDP link, with the same bytes\n"
-    "(docs/faults.md). Alone: in real time, for the real agent and ledger (./fly --shim). With --plans: a script stands\n"
+    "(docs/faults.md). Alone: in real time, for the real agent and ledger (./fly --shim). With --plans: a script "
+    "stands\n"
     "in agent's place, and with --lockstep it moves link's clock as well; one JSON object is printed in the end.\n"
     "Exit code 0: ended as asked; 1: something failed; 2: bad options or script.";
 

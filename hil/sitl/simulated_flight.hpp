@@ -42,7 +42,7 @@ struct SimulatedFlightResult {
     std::vector<Lap> laps;
     double limit_mps = 0;                                   ///< the latency-aware limit at the end; 0: no prediction
     std::optional<double> slowed_to_mps;                    ///< the least limit that was below the speed asked for
-    ground::motion::Response response;                              ///< as learned
+    ground::motion::Response response;                      ///< as learned
     std::uint64_t commands_sent = 0, commands_applied = 0;  ///< by ground; by link
   };
   std::vector<Drone> drones;

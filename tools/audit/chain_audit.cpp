@@ -214,8 +214,7 @@ void ChainAudit::compare(const common::Block& block, const std::vector<fabric::T
   }
 }
 
-void ChainAudit::add_to_report(const fabric::Block& block,
-                               const std::vector<fabric::TransactionVerdict>& verdicts) {
+void ChainAudit::add_to_report(const fabric::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts) {
   for (std::size_t i = 0; i < verdicts.size() && i < block.transactions.size(); ++i) {
     const fabric::Transaction& tx = block.transactions[i];
     counts_.endorsements += tx.endorsements.size();

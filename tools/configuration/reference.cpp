@@ -93,8 +93,7 @@ const std::vector<Source>& sources() {
        }},
       {"ground",
        "`ledgerline-ground --config ground.toml`, and `ledgerline-local`, which reads `[flight]`, `[[drone]]`, "
-       "`[output]` and "
-       "`[dds]` alone.",
+       "`[output]` and `[dds]` alone.",
        {ledger, channels, topics, dds},
        read_ground},
       {"bridge",
@@ -124,14 +123,13 @@ const std::vector<Source>& sources() {
        [](Config& config) { return status_of(hil::proxy::read_settings(config)); }},
       {"fabric",
        "`ledgerline fabric ... --config net.toml`: [a network](fabric.md) of three organisations. Options on the "
-       "command line "
-       "come before the file.",
+       "command line come before the file.",
        {},
        [](Config& config) { return status_of(network::read_options(config, network::Options{})); }},
       {"deployment",
        "`deployment.toml`: [which hosts, drones, ledger](three-machines.md#what-is-where). A file without `[[host]]` "
-       "has `[[drone]]`, "
-       "`[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are there "
+       "has `[[drone]]`, `[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are "
+       "there "
        "already](fly.md#real-drones).",
        {},
        read_deployment},
@@ -150,9 +148,7 @@ const std::vector<Source>& sources() {
        }},
       {topics,
        "[Any ROS 2 topic](ros2.md#any-topic-through-the-ledger) that the program carries: in bridge's own file, and in "
-       "agent's and ground's "
-       "beside their "
-       "work.",
+       "agent's and ground's beside their work.",
        {},
        read_topics},
       {dds, "How far DDS reaches, and its security: [DDS](ros2.md#dds).", {}, read_dds},

@@ -332,8 +332,8 @@ void Launcher::stop_all(bool landed) {
   ledger_.end_switches();
   std::vector<std::string> order{controller_, "agent",           "link", proxy_name, "endorser",
                                  "sim",       ledger_.program(), "roudi"};
-  if (!landed && !programs_.is_impatient() && programs_.is_running("link") && (options_.own || programs_.is_running("sim")) &&
-      live_.anything_in_air()) {
+  if (!landed && !programs_.is_impatient() && programs_.is_running("link") &&
+      (options_.own || programs_.is_running("sim")) && live_.anything_in_air()) {
     live_.print("Landing all drones");
     programs_.signal("link", SIGTERM);
     const TimeNs until_ns = monotonic_ns() + landing_timeout_ns;

@@ -102,10 +102,10 @@ void add_deployment_options(CommandLine& line, Options& o, Words& words) {
           .shows_default();
   const Option orderers =
       line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default();
-  line.option(
-          "--deployment", words.deployment,
-          "deployment.toml: simulated drones and their ledger on this host (docs/three-machines.md), or without [[host]]\n"
-          "drones that are there already, real ones, and their fence (docs/fly.md)")
+  line.option("--deployment", words.deployment,
+              "deployment.toml: simulated drones and their ledger on this host (docs/three-machines.md), or without "
+              "[[host]]\n"
+              "drones that are there already, real ones, and their fence (docs/fly.md)")
       .existing_file()
       .excludes(drones)
       .excludes(ledger)

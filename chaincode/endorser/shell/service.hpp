@@ -131,7 +131,7 @@ class Service {
   const std::shared_ptr<const crypto::IdentityInUse> identity_;
   const std::function<void()> on_failure_;
   std::unique_ptr<fabric::PeerQueries> peer_;
-  fabric::StoredCheckpoint checkpoint_;      ///< until begin_stream(), without its records
+  fabric::StoredCheckpoint checkpoint_;    ///< until begin_stream(), without its records
   std::optional<FirstState> first_state_;  ///< what is in it is the checker's; until it is gone no block is taken
 
   mutable PriorityMutex mutex_;  // guards what follows; lock_later() is for the proposals of others alone

@@ -10,8 +10,8 @@
 #include <cstring>
 #include <utility>
 
-#include "common/base/text.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/fabric/tx/form.hpp"

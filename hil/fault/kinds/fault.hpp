@@ -50,7 +50,7 @@ std::vector<DroneObservation> named_drones(int count);
 /// What a script is flown on with the real processes.
 struct RealStack {
   bool fabric = false;  ///< its ledger, with three orderers; else the embedded node
-  bool shim = false;    ///< drones behind the shim (docs/faults.md), which knows the SDK's calls; else UDP and the proxy
+  bool shim = false;  ///< drones behind the shim (docs/faults.md), which knows the SDK's calls; else UDP and the proxy
 };
 inline constexpr int fabric_orderers = 3;
 inline constexpr const char* leader_part = "orderer leader";

@@ -127,8 +127,8 @@ struct FailsafeSettings {
   /// From the end of the plan until the mode says hold; the ramp to zero begins at once. Three plans at 30 Hz: with
   /// half each late plan is a hold, and each hold a transition on the ledger; with double a gap of six goes unsaid.
   TimeNs hold_grace_ns = 100 * ns_per_ms;
-  /// Of hold or brake, then land. Long enough for an agent that is started again (docs/failsafe.md), short beside 13 min
-  /// of battery. Half lands for a pause that would have ended; double lets a drone drift for 10 s.
+  /// Of hold or brake, then land. Long enough for an agent that is started again (docs/failsafe.md), short beside 13
+  /// min of battery. Half lands for a pause that would have ended; double lets a drone drift for 10 s.
   TimeNs land_after_ns = 5 * ns_per_s;
   /// Agent sends a heartbeat every 50 ms, every 100 at the latest: five in a row are missing. With half a silence would
   /// go on until heartbeats come closer than 125 ms, and one late heartbeat would keep it; with double a hold says for

@@ -21,7 +21,7 @@ TEST(CdrWriter, AlignsEachPrimitiveToItsSizeBehindTheHeader) {
   out.put(std::uint64_t{0x0a0b0c0d0e0f1011});
   const std::string header = bytes({0, 1, 0, 0});  // CDR, little-endian
   EXPECT_EQ(out.release(), header + bytes({1, 0, 3, 2, 4, 0, 0, 0, 8, 7, 6, 5, 9, 0, 0, 0}) +
-                            bytes({0x11, 0x10, 0x0f, 0x0e, 0x0d, 0x0c, 0x0b, 0x0a}));
+                               bytes({0x11, 0x10, 0x0f, 0x0e, 0x0d, 0x0c, 0x0b, 0x0a}));
 }
 
 TEST(CdrWriter, StringsCarryTheirLengthAndNul) {
