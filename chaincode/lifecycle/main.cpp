@@ -6,6 +6,7 @@
 #include "chaincode/lifecycle/lifecycle.hpp"
 #include "common/access/access.hpp"
 #include "common/base/file.hpp"
+#include "common/base/text.hpp"
 #include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"

@@ -221,24 +221,24 @@ std::string in_the_way_at(const ListenAddress& at) {
 }
 
 nlohmann::json to_json(const ListenAddresses& places) {
-  nlohmann::json json;
+  nlohmann::json document;
   for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
                                   {"organisations", &places.organisations},
                                   {"authorities", &places.authorities}}) {
-    json[name] = nlohmann::json::array();
-    for (const ListenAddress& place : *all) json[name].push_back(place.text());
+    document[name] = nlohmann::json::array();
+    for (const ListenAddress& place : *all) document[name].push_back(place.text());
   }
-  return json;
+  return document;
 }
 
-Result<ListenAddresses> places_in(const nlohmann::json& json) {
+Result<ListenAddresses> places_in(const nlohmann::json& document) {
   ListenAddresses places;
   for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
                                   {"organisations", &places.organisations},
                                   {"authorities", &places.authorities}}) {
-    if (!json.is_object() || !json.contains(name) || !json[name].is_array()) return Error{"it is damaged"};
+    if (!document.is_object() || !document.contains(name) || !document[name].is_array()) return Error{"it is damaged"};
     std::vector<std::string> texts;
-    for (const auto& one : json[name]) texts.push_back(one.is_string() ? one.get<std::string>() : "");
+    for (const auto& one : document[name]) texts.push_back(one.is_string() ? one.get<std::string>() : "");
     if (Status s = parse_places(texts, *all); !s) return s.error();
   }
   if (places.organisations.size() != identities::organisations) return Error{"it is damaged"};

@@ -10,10 +10,10 @@ namespace ledgerline::verification {
 using Kind = fabric::Outcome::Kind;
 
 fabric::ClientConfig for_contract(fabric::ClientConfig config) {
-  config.endorsement_need = [](const fabric::Call& call) { return endorsement_need(call.function); };
-  config.likely_policy = [](const std::string& key) { return likely_policy(key); };
-  config.is_of_hot_path = [](const std::string& key) { return is_of_hot_path(key); };
-  config.event_check = [](const fabric::Call& call, std::string_view event, std::string_view payload) {
+  config.contract_rules.endorsement_need = [](const fabric::Call& call) { return endorsement_need(call.function); };
+  config.contract_rules.likely_policy = [](const std::string& key) { return likely_policy(key); };
+  config.contract_rules.is_of_hot_path = [](const std::string& key) { return is_of_hot_path(key); };
+  config.contract_rules.event_check = [](const fabric::Call& call, std::string_view event, std::string_view payload) {
     return check_event({call.function, call.args}, event, payload);
   };
   return config;

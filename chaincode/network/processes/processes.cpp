@@ -146,7 +146,7 @@ class Lanes {
         logs_(std::move(logs)),
         next_(lanes.size(), 0),
         since_ns_(lanes.size(), 0),
-        children_({[this](const std::string& name, const std::string& line) { output_[name] += line + "\n"; }}) {}
+        children_([this](const std::string& name, const std::string& line) { output_[name] += line + "\n"; }) {}
 
   Result<std::vector<std::string>> run() {
     for (std::size_t lane = 0; lane < lanes_.size(); ++lane) {
