@@ -63,7 +63,7 @@ Status each(const std::vector<std::string>& names, const std::function<Status(co
   return Error{fmt::format("{} of {} drones: not done", failed, names.size())};
 }
 
-Status send(Station& station, const VerbOptions& verb_options, const std::string& verb, const Request& request,
+Status send(Station& station, const VerbOptions& verb_options, const std::string& verb, const station::Request& request,
             const std::string& whom) {
   const auto body = station.request(request);
   if (!body) return body.error();

@@ -59,8 +59,9 @@ Status act(Station& station, const VerbOptions& verb_options, const std::string&
     if (auto approved = approve_and_wait(station, verb_options.id); !approved) return approved;
     return print(verb_options, R"({"accepted":true})", fmt::format("{}: approve: done\n", verb_options.id));
   }
-  const auto body = station.request(verb == "remove" ? Request{.method = "DELETE", .target = target, .anybodys = false}
-                                                     : mission_request(verb_options.id, verb));
+  const auto body =
+      station.request(verb == "remove" ? station::Request{.method = "DELETE", .target = target, .anybodys = false}
+                                       : mission_request(verb_options.id, verb));
   if (!body) return body.error();
   return print(verb_options, *body, fmt::format("{}: {}: accepted\n", verb_options.id, verb));
 }

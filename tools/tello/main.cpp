@@ -7,6 +7,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/dds/dds.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"

@@ -15,11 +15,11 @@ constexpr double step_mps = 0.1;
 constexpr double noise_mps = 0.03;  // of what is then cast or rounded [A]
 // A share of casts is clear that is so far from half, and known so well: then none or all is three deviations away.
 constexpr double clear_share = 0.1, max_share_sigma = 0.2;
-constexpr double max_scale_share = 0.05;  // known less well, a fit is worth little more than link's default
-constexpr std::size_t min_blocks = 3;     // for a spread
-constexpr std::size_t min_samples = 25;   // of a block: 2.5 s of state text
-constexpr double max_gap_s = 0.3;         // between two poses
-constexpr double lag_step_s = 0.02;       // between whose points a parabola is laid
+constexpr double max_scale_share = 0.05;       // known less well, a fit is worth little more than link's default
+constexpr std::size_t min_blocks = 3;          // for a spread
+constexpr std::size_t min_block_samples = 25;  // of a block: 2.5 s of state text
+constexpr double max_gap_s = 0.3;              // between two poses
+constexpr double lag_step_s = 0.02;            // between whose points a parabola is laid
 constexpr std::size_t lags = 30;
 // What is reported follows from a velocity, its bias and the share of casts, and these from what is reported: four more
 // passes change a scale by 2 in 1000 at most.
@@ -159,9 +159,9 @@ std::optional<Spread> spread(const std::vector<ByLag>& blocks, std::optional<dou
   for (const ByLag& block : blocks) {
     ByLag without = all;
     for (std::size_t i = 0; i < lags; ++i) without[i] -= block[i];
-    const auto one = solve(without, cast);
-    if (!one) return std::nullopt;
-    for (const auto figure : figures) out.sigma.*figure += std::pow(*one.*figure - out.value.*figure, 2);
+    const auto part = solve(without, cast);
+    if (!part) return std::nullopt;
+    for (const auto figure : figures) out.sigma.*figure += std::pow(*part.*figure - out.value.*figure, 2);
   }
   const auto n = static_cast<double>(blocks.size());
   for (const auto figure : figures) out.sigma.*figure = std::sqrt(out.sigma.*figure * (n - 1) / n);
@@ -180,7 +180,7 @@ Result<VelocityFit> fit_velocity(std::vector<VelocityBlock> blocks) {
   std::erase_if(blocks, [](const VelocityBlock& block) {
     const auto& seen = block.positions;
     const auto is_gap = [](const auto& one, const auto& next) { return next.at_s - one.at_s > max_gap_s; };
-    return block.reported.size() < min_samples || seen.size() < min_samples ||
+    return block.reported.size() < min_block_samples || seen.size() < min_block_samples ||
            std::adjacent_find(seen.begin(), seen.end(), is_gap) != seen.end();
   });
   if (blocks.size() < min_blocks)
