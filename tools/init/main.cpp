@@ -4,6 +4,7 @@
 #include "common/base/log.hpp"
 #include "common/base/text.hpp"
 #include "common/fabric/validation/channel_config.hpp"
+#include "common/msg/contract.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/init/core/host.hpp"
@@ -43,6 +44,8 @@ Result<std::vector<init::HostDrone>> drones_of(const std::vector<std::string>& t
     init::HostDrone drone{text.substr(0, at), at == std::string::npos ? "" : text.substr(at + 1),
                           static_cast<int>(drones.size()) + 1};
     if (drone.name.empty()) return Error{"--drone is NAME or NAME=ADDRESS, not \"" + text + "\""};
+    if (!contract::is_drone_name(drone.name))
+      return Error{"--drone " + printable(drone.name) + ": a drone's name " + contract::drone_name_rule};
     drones.push_back(std::move(drone));
   }
   return drones;
