@@ -33,7 +33,8 @@ std::string write_form(const Arguments& call, const google::protobuf::Message& m
 
 /// An id is 1 to 128 characters of [A-Za-z0-9_./-]; no segment is empty, "." or "..".
 Status check_id(const std::string& id);
-/// A drone's name is one segment, no reserved word, nothing that ROS 2 needs, and no MSP id (those end with "MSP").
+/// A drone's name is one segment, no reserved word, nothing that ROS 2 needs, and no MSP id (those end with "MSP"). Of
+/// a new one enroll asks contract::is_drone_name() as well.
 Status check_drone_name(const std::string& name);
 std::string first_segment(const std::string& id);
 /// Ids that begin so are records of the contract, which it writes itself.

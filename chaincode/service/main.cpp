@@ -26,8 +26,11 @@ int main(int argc, char** argv) {
   if (const auto end = line.parse(argc, argv)) return *end;
   const sigset_t signals = block_signals();
   outlive_readers();
-  const auto options = shim::options_from_environment();
+  auto options = shim::options_from_environment();
   if (!options) return fail(options.error(), exit_usage);
+  auto id = shim::package_id_from(options->chaincode_id);
+  if (!id) return fail(id.error(), exit_usage);
+  options->chaincode_id = std::move(*id);
   const auto server = shim::Server::start(*options, chaincode::invoke_on_fabric);
   if (!server) return fail(server.error());
   print_line(nlohmann::json{{"ready", true}, {"endpoint", (*server)->endpoint()}}.dump());

@@ -10,8 +10,10 @@
 #include "chaincode/shim/session.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tls/tls_server.hpp"
+#include "common/msg/contract.hpp"
 #include "peer/chaincode_shim.grpc.pb.h"
 
 namespace ledgerline::shim {
@@ -176,6 +178,24 @@ Result<Options> options_from_environment() {
     return Error{"CHAINCODE_TLS_KEY and CHAINCODE_TLS_CERT belong together: one of them is not set"};
   }
   return options;
+}
+
+Result<std::string> package_id_from(std::string text) {
+  if (text.ends_with('\n')) text.pop_back();
+  const std::string_view all = text;
+  const std::size_t colon = all.find(':');
+  const std::string_view label = all.substr(0, colon), hash = colon == all.npos ? "" : all.substr(colon + 1);
+  const auto is_label_char = [](char c) {
+    return contract::is_alphanumeric(c) || c == '_' || c == '.' || c == '+' || c == '-';
+  };
+  const auto is_hex = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
+  if (!label.empty() && std::ranges::all_of(label, is_label_char) && hash.size() == 2 * contract::digest_bytes &&
+      std::ranges::all_of(hash, is_hex))
+    return text;
+  constexpr std::size_t max_shown = 128;
+  return Error{"CHAINCODE_ID is \"" + printable(text, max_shown) +
+               "\", and must be the package id, label:64 hex digits, without quotes, blanks or line breaks: no peer "
+               "finds its chaincode under another"};
 }
 
 Result<std::unique_ptr<Server>> Server::start(const Options& options, Invoke invoke) {

@@ -88,6 +88,10 @@ struct Options {
 /// CHAINCODE_TLS_CLIENT_NAMES: client_names, with commas between.
 Result<Options> options_from_environment();
 
+/// A package id as peers have it, "label:64 hex digits": any other is one that no peer will ever ask for. Takes off one
+/// newline at the end, which a secret of Kubernetes often has.
+Result<std::string> package_id_from(std::string text);
+
 /// Serves on threads of its own until stop() or its end; all methods from any thread, stop() not from within Invoke. A
 /// call more than 1,000 that wait for a thread is refused. Losing a peer ends that peer's transactions alone.
 class Server {

@@ -6,11 +6,14 @@
 #include <set>
 #include <unordered_map>
 
+#include "common/base/text.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/endpoint.hpp"
 
 namespace ledgerline::dds {
 namespace {
+
+constexpr std::size_t max_type_shown = 200;  ///< characters: others choose them
 
 struct DiscoveredEndpoint {
   std::string topic, type;
@@ -169,6 +172,30 @@ Result<Discovery> Discovery::create(ParticipantPtr participant, Callback callbac
 std::uint64_t Discovery::left_out() const {
   const std::lock_guard lock(state_->mutex);
   return state_->left_out;
+}
+
+std::string why_unheard(const DiscoveredTopic& seen, const ReadTopic& read) {
+  if (seen.topic != read.topic || seen.writers == 0) return "";
+  if (seen.type != read.type)
+    return read.topic + " is written as " + printable(seen.type, max_type_shown) + "; " + read.type + " is read";
+  if (read.qos.reliable && !seen.qos.reliable)
+    return read.topic + " is written best effort; it is read reliable, and who writes it so is not heard";
+  if (read.qos.transient_local && !seen.qos.transient_local)
+    return read.topic + " is written volatile; it is read transient local, and who writes it so is not heard";
+  return "";
+}
+
+Result<Discovery> report_unheard(ParticipantPtr participant, std::vector<ReadTopic> topics, OnUnheard report) {
+  std::set<std::pair<std::string, bool>> reported;  // topic, and whether its type is another
+  return Discovery::create(std::move(participant),
+                           [topics = std::move(topics), report = std::move(report),
+                            reported = std::move(reported)](const DiscoveredTopic& seen) mutable {
+                             for (std::size_t i = 0; i < topics.size(); ++i) {
+                               const std::string why = why_unheard(seen, topics[i]);
+                               if (!why.empty() && reported.emplace(seen.topic, seen.type != topics[i].type).second)
+                                 report(i, why);
+                             }
+                           });
 }
 
 }  // namespace ledgerline::dds

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.hpp"
 #include "common/msg/contract.hpp"
@@ -121,5 +122,20 @@ class Discovery {
   explicit Discovery(std::shared_ptr<State> state) : state_(std::move(state)) {}
   std::shared_ptr<State> state_;
 };
+
+/// A topic as this program reads it.
+struct ReadTopic {
+  std::string topic, type;
+  Qos qos;
+};
+
+/// Why a reader does not hear somebody who writes its topic, as a sentence; empty: it hears all who do.
+std::string why_unheard(const DiscoveredTopic& seen, const ReadTopic& read);
+
+/// Reports who writes one of these topics and is not heard, as why_unheard() has it: of each topic once for types and
+/// once for QoS, however many there are, as long as the Discovery is kept. `read`: the index of the topic; of one that
+/// is there twice, the first. As Discovery's callback.
+using OnUnheard = std::function<void(std::size_t read, const std::string& why)>;
+Result<Discovery> report_unheard(ParticipantPtr participant, std::vector<ReadTopic> topics, OnUnheard report);
 
 }  // namespace ledgerline::dds

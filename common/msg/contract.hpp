@@ -17,6 +17,18 @@ constexpr bool is_alphanumeric(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
 }
 constexpr bool is_id_char(char c) { return is_alphanumeric(c) || c == '_' || c == '.' || c == '/' || c == '-'; }
+
+/// ROS 2's topics of a drone begin with its name, and a token of ROS 2 has no other form. The contract asks it of new
+/// names alone: those that a ledger has already stay.
+constexpr bool is_drone_name(std::string_view name) {
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  return !name.empty() && name.size() <= max_id_chars && name.front() != '_' && !is_digit(name.front()) &&
+         std::ranges::all_of(name, [](char c) { return is_alphanumeric(c) || c == '_'; }) &&
+         name.find("__") == std::string_view::npos;
+}
+/// What is said of a name that is none.
+inline constexpr const char* drone_name_rule =
+    "must be a letter, then letters, digits and single underscores, as ROS 2 has it for its topics";
 inline constexpr std::size_t max_asset_bytes = 1'000'000;
 inline constexpr std::size_t max_call_bytes = 1'000'000;
 inline constexpr std::size_t max_call_assets = 1'000;

@@ -85,17 +85,25 @@ bool is_name(std::string_view text) {
   return !text.empty() && text.size() <= max_name && std::ranges::all_of(text, is_name_character);
 }
 
+namespace {
+
+Status check_name(std::string_view name) {
+  if (contract::is_drone_name(name) && name.size() <= max_name) return done;
+  return Error{fmt::format("the drone's name \"{}\" {} ({} at most)", printable(name, max_name),
+                           contract::drone_name_rule, max_name)};
+}
+
+}  // namespace
+
 Status check_bounds(const Mission& mission) {
-  const auto bad_name = [](std::string_view what, const std::string& name) {
-    return Error{
-        fmt::format("{} \"{}\" must be 1 to {} of A-Z, a-z, 0-9, _ and -", what, printable(name, max_name), max_name)};
-  };
-  if (!is_name(mission.name)) return bad_name("the mission's name", mission.name);
+  if (!is_name(mission.name))
+    return Error{fmt::format("the mission's name \"{}\" must be 1 to {} of A-Z, a-z, 0-9, _ and -",
+                             printable(mission.name, max_name), max_name)};
   if (mission.drones.empty() || mission.drones.size() > max_drones)
     return Error{fmt::format("{} drones; 1 to {} may be", mission.drones.size(), max_drones)};
   std::set<std::string_view> names;
   for (const MissionDrone& drone : mission.drones) {
-    if (!is_name(drone.drone)) return bad_name("the drone's name", drone.drone);
+    if (const Status named = check_name(drone.drone); !named) return named;
     if (!names.insert(drone.drone).second) return Error{fmt::format("drone {} is there twice", drone.drone)};
     if (const Status checked = check_drone(drone); !checked) return checked;
   }
@@ -200,9 +208,7 @@ class CsvReader {
 
 Result<MissionDrone*> CsvReader::drone_of(std::string_view name) {
   if (const auto found = at_.find(name); found != at_.end()) return &mission.drones[found->second];
-  if (!is_name(name))
-    return Error{fmt::format("the drone's name \"{}\" must be 1 to {} of A-Z, a-z, 0-9, _ and -",
-                             printable(name, max_name), max_name)};
+  if (const Status named = check_name(name); !named) return named.error();
   if (mission.drones.size() == max_drones) return Error{fmt::format("more than {} drones", max_drones)};
   at_.emplace(name, mission.drones.size());
   mission.drones.push_back({std::string(name)});

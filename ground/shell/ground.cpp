@@ -98,9 +98,16 @@ Status Ground::start(const std::atomic<bool>& quit) {
   if (missions_) {
     if (auto status = missions_->restore(); !status) return status;
   }
-  return topics_.read_pilots(pilot_, [this](std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
-    inbox_.post_command(drone, std::nullopt, [&](PilotCommand& command) { topic.apply(cdr, monotonic_ns(), command); });
-  });
+  return topics_.read_pilots(
+      pilot_,
+      [this](std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
+        inbox_.post_command(drone, std::nullopt,
+                            [&](PilotCommand& command) { topic.apply(cdr, monotonic_ns(), command); });
+      },
+      [this](std::size_t drone, const std::string& why) {
+        spdlog::warn("{}", why);
+        post_event(Level::warning, names_[drone], why);
+      });
 }
 
 Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {

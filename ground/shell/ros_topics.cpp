@@ -39,22 +39,32 @@ void RosTopics::publish(const DroneUpdate& news) {
   }
 }
 
-Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on_message) {
+Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on_message, const OnUnheard& on_unheard) {
   if (!settings.topics)
     spdlog::info("pilots' ROS 2 topics are not read: [pilot] topics = true reads them");
   else if (!settings.emergency)
     spdlog::info("/<drone>/emergency is not read without DDS Security: [pilot] emergency = true reads it");
+  std::vector<dds::ReadTopic> read;
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     for (const PilotTopic* topic : topics_read(settings)) {
-      auto reader = dds::RawReader::create(
-          participant_, topic_of(*topic, drones_[i]), std::string(topic->type), {.reliable = topic->reliable},
-          [i, topic, on_message](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
-            on_message(i, *topic, dds::text_of(cdr));
-          });
+      read.push_back({topic_of(*topic, drones_[i]), std::string(topic->type), {.reliable = topic->reliable}});
+      auto reader =
+          dds::RawReader::create(participant_, read.back().topic, read.back().type, read.back().qos,
+                                 [i, topic, on_message](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+                                   on_message(i, *topic, dds::text_of(cdr));
+                                 });
       if (!reader) return reader.error();
       readers_.push_back({i, std::move(reader).value()});
     }
   }
+  if (read.empty()) return done;
+  std::vector<std::size_t> drone_of;
+  for (const Reader& one : readers_) drone_of.push_back(one.drone);
+  auto unheard = dds::report_unheard(
+      participant_, std::move(read),
+      [drone_of, on_unheard](std::size_t topic, const std::string& why) { on_unheard(drone_of[topic], why); });
+  if (!unheard) return unheard.error();
+  unheard_ = std::move(unheard).value();
   return done;
 }
 

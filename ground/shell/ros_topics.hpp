@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,7 +26,9 @@ class RosTopics {
 
   /// A message of that drone's topic; on a thread of DDS.
   using OnMessage = std::function<void(std::size_t drone, const PilotTopic& topic, std::string_view cdr)>;
-  Status read_pilots(const PilotSettings& settings, const OnMessage& on_message);
+  /// Somebody writes one of that drone's topics and is not heard, once a topic; on a thread of DDS.
+  using OnUnheard = std::function<void(std::size_t drone, const std::string& why)>;
+  Status read_pilots(const PilotSettings& settings, const OnMessage& on_message, const OnUnheard& on_unheard);
 
   /// Messages of that drone's pilot that DDS did not hand over.
   ShellCounters::Pilot losses(std::size_t drone) const;
@@ -43,6 +46,7 @@ class RosTopics {
   std::vector<Reader> readers_;
   std::vector<std::uint64_t> unpublished_;  ///< of each drone
   TimeNs next_warning_ns_ = 0;
+  std::optional<dds::Discovery> unheard_;  ///< of the topics that are read
 };
 
 }  // namespace ledgerline::ground

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/core/flight_types.hpp"
 #include "ground/core/follower.hpp"
@@ -146,6 +147,8 @@ FlightConfig flight_config(Config& config) {
         {config.text({key + "name", "as it is enrolled on the ledger"}),
          static_cast<DroneNumber>(config.integer({key + "number", "as link and agent have it", "its place in the file"},
                                                  static_cast<int>(i) + 1, 1, max_drones))});
+    const std::string& name = flight.drones.back().name;
+    if (!name.empty() && !contract::is_drone_name(name)) config.wrong(key + "name", contract::drone_name_rule);
     read_task(config, key, flight, flight.drones.back());
   }
   return flight;

@@ -115,10 +115,12 @@ Result<Reading> read_folder(const std::string& folder, std::uint64_t newest, con
 }  // namespace
 
 Result<Reading> read_copy(const std::string& path, const OnBlock& on_block) {
-  if (fs::is_regular_file(path)) return read_store(path, on_block);
-  if (!fs::is_directory(path)) return Error{path + ": no such file or folder"};
+  std::error_code failed;
+  const fs::file_type type = fs::status(path, failed).type();
+  if (type == fs::file_type::regular) return read_store(path, on_block);
+  if (type != fs::file_type::directory) return Error{path + ": " + (failed ? failed.message() : "no file or folder")};
   const std::string inside = (fs::path(path) / "blocks").string();
-  if (fs::is_regular_file(inside)) return read_store(inside, on_block);
+  if (fs::is_regular_file(inside, failed)) return read_store(inside, on_block);
   const auto newest = newest_in(path);
   if (!newest) return newest.error();
   if (!*newest) return Error{path + ": has neither a file \"blocks\" nor 0.block, 1.block ..."};

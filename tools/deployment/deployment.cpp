@@ -8,6 +8,7 @@
 #include <set>
 
 #include "chaincode/identities/identities.hpp"
+#include "common/msg/contract.hpp"
 #include "common/msg/onboard.hpp"
 
 namespace ledgerline::deployment {
@@ -134,6 +135,8 @@ void read_drones(Config& config, Deployment& out) {
     const std::string key = fmt::format("drone.{}.", i);
     Drone drone;
     drone.name = unique_name(config, {key + "name", "as it is enrolled on the ledger"}, names);
+    if (!drone.name.empty() && !contract::is_drone_name(drone.name))
+      config.wrong(key + "name", contract::drone_name_rule);
     drone.host = host_with(config, {key + "host", "of role drone-host: who flies it"}, Role::drone_host, out);
     drone.address = address(config, {key + "address", "IPv4, as its host reaches it"});
     if (!drone.address.empty() && !addresses.insert(drone.host + " " + drone.address).second)

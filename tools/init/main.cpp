@@ -35,19 +35,6 @@ struct Options {
   int batch_count = 1;
 };
 
-/// "tello1=192.168.10.1", or "tello1" where it is not flown from here.
-Result<std::vector<init::HostDrone>> drones_of(const std::vector<std::string>& texts) {
-  std::vector<init::HostDrone> drones;
-  for (const std::string& text : texts) {
-    const std::size_t at = text.find('=');
-    init::HostDrone drone{text.substr(0, at), at == std::string::npos ? "" : text.substr(at + 1),
-                          static_cast<int>(drones.size()) + 1};
-    if (drone.name.empty()) return Error{"--drone is NAME or NAME=ADDRESS, not \"" + text + "\""};
-    drones.push_back(std::move(drone));
-  }
-  return drones;
-}
-
 Result<init::ProfilePlan> plan_by_deployment(const Options& options) {
   auto config = Config::load(options.deployment);
   if (!config) return config.error();
@@ -63,7 +50,7 @@ Result<init::ProfilePlan> plan_by_profile(const Options& options) {
   if (!text) return text.error();
   auto planned = init::plan_of_profile(*text, options.msp_id, options.host, options.folders, options.channels);
   if (!planned) return planned.error();
-  auto drones = drones_of(options.drones);
+  auto drones = init::drones_of(options.drones);
   if (!drones) return drones.error();
   for (const init::HostDrone& drone : *drones)
     if (!drone.address.empty()) planned->plan.drones.push_back(drone);

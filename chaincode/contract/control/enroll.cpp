@@ -74,6 +74,8 @@ Answer enroll(Stub& stub, const Arguments& call) {
     if (Status status = check_drone_name(drone); !status) return status.error();
     const auto old = read_control(stub, drone);
     if (!old) return old.error();
+    if (!*old && !contract::is_drone_name(drone))
+      return Error{drone + ": a new drone's name " + contract::drone_name_rule};
     Control before;
     before.set_drone(drone);
     if (*old) before = (*old)->message;

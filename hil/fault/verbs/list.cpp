@@ -87,7 +87,8 @@ int list_figures(Listing listing) {
 
 /// What is asked for: a folder's scripts, or those of a group or name among the scenarios; and where groups begin.
 Result<std::vector<std::string>> files_asked(const std::string& asked, std::string& folder) {
-  if (std::filesystem::is_directory(asked)) {
+  std::error_code error;
+  if (std::filesystem::is_directory(asked, error)) {
     folder = asked;
     return scripts_in(folder);
   }

@@ -47,7 +47,8 @@ Result<Wanted> read_all(const RunOptions& options) {
     const auto meant = scripts_named({name}, program_folder());
     if (!meant) return meant.error();
     files.insert(meant->begin(), meant->end());
-    if (meant->size() == 1 && !std::filesystem::is_directory(name)) named.insert(meant->front());
+    std::error_code error;
+    if (meant->size() == 1 && !std::filesystem::is_directory(name, error)) named.insert(meant->front());
   }
   std::vector<Script> scripts;
   Wanted wanted;

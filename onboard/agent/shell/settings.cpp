@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "common/msg/contract.hpp"
 #include "common/msg/names.hpp"
 
 namespace ledgerline::agent {
@@ -98,6 +99,8 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
                        static_cast<std::int64_t>(i) + 1, 1, max_drones);
     s.core.drones.push_back(
         {static_cast<DroneNumber>(number), config.text({key + "name", "as it is enrolled to this host's identity"})});
+    const std::string& name = s.core.drones.back().name;
+    if (!name.empty() && !contract::is_drone_name(name)) config.wrong(key + "name", contract::drone_name_rule);
   }
   read_batch(config, s.core.batch);
   read_check(config, s.core.check);

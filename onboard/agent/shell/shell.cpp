@@ -147,12 +147,13 @@ MocapInput::MocapInput(const Settings& settings, std::string label, dds::Partici
 
 Status MocapInput::open() {
   if (settings_.mocap_topic.empty()) return done;
+  // Best effort hears both kinds of writers, and a pose that was lost is not worth sending again.
+  const dds::Qos qos{.reliable = false};
+  std::vector<dds::ReadTopic> read;
   for (const DroneName& drone : settings_.core.drones) {
     Input input{drone.number, std::make_unique<SpscRing<MocapMessage, 64>>(), {}};
-    // Best effort hears both kinds of writers, and a pose that was lost is not worth sending again.
     auto reader = dds::RawReader::create(
-        participant_, pose_topic_of(settings_.mocap_topic, drone.name), name(settings_.mocap_message),
-        {.reliable = false},
+        participant_, pose_topic_of(settings_.mocap_topic, drone.name), name(settings_.mocap_message), qos,
         [this, ring = input.ring.get(), drone = drone.name](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
           const auto pose = pose_from_message(settings_.mocap_message, dds::text_of(cdr), drone);
           if (pose && !*pose) return;  // of others alone
@@ -164,7 +165,13 @@ Status MocapInput::open() {
     if (!reader) return reader.error();
     input.reader = std::move(reader).value();
     inputs_.push_back(std::move(input));
+    read.push_back({pose_topic_of(settings_.mocap_topic, drone.name), name(settings_.mocap_message), qos});
   }
+  auto unheard = dds::report_unheard(
+      participant_, std::move(read),
+      [label = label_](std::size_t, const std::string& why) { spdlog::warn("{}{} ([mocap] type)", label, why); });
+  if (!unheard) return unheard.error();
+  unheard_ = std::move(unheard).value();
   return done;
 }
 

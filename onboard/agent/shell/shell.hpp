@@ -47,7 +47,8 @@ class MocapInput {
   std::uint64_t implausible_ = 0;
   std::atomic<std::uint64_t> lost_{0};
   dds::ParticipantPtr participant_;
-  std::vector<Input> inputs_;  ///< last: their threads use the above
+  std::vector<Input> inputs_;              ///< last: their threads use the above
+  std::optional<dds::Discovery> unheard_;  ///< of the topics that are read
 };
 
 /// The I/O around the AgentCore of one channel. Agent's main loop owns all of them and the iceoryx end; the ledger

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "common/msg/contract.hpp"
 #include "common/msg/names.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 
@@ -301,6 +302,8 @@ std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose, bo
     const std::string key = fmt::format("drone.{}.", i);
     DroneTable table;
     table.drone.name = config.text({key + "name", "as it is enrolled on the ledger"});
+    if (!table.drone.name.empty() && !contract::is_drone_name(table.drone.name))
+      config.wrong(key + "name", contract::drone_name_rule);
     table.drone.number = static_cast<DroneNumber>(
         config.integer({key + "number", "in shared memory; agent's must be the same", "its place in the file"},
                        static_cast<std::int64_t>(i) + 1, 1, max_drones));

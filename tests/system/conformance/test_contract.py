@@ -366,6 +366,7 @@ REFUSALS = [
     ("admin", "enroll", [{"identity": WHO, "drones": ["OrgMSP"]}], "OrgMSP: names that end with MSP belong to"),
     ("admin", "enroll", [{"identity": WHO, "drones": ["a/b"]}], "a/b: a drone's name is one segment, without /"),
     ("admin", "enroll", [{"identity": WHO, "drones": ["tf"]}], "tf: ROS 2 or motion capture needs this name"),
+    ("admin", "enroll", [{"identity": WHO, "drones": ["1tello"]}], "1tello: a new drone's name must be a letter, then"),
     ("admin", "enroll", [{"identity": WHO, "drones": [".."]}], "..: an id's segments must not be . or .."),
     ("other admin", "enroll", [{"identity": {"mspId": "Org2MSP", "subject": subject(2, "User1")},
                                 "drones": [f"many{number:03}" for number in range(257)]}],

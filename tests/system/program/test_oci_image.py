@@ -56,7 +56,7 @@ def test_the_image_says_how_it_is_started(image, tag):
 def test_the_service_serves_with_what_is_in_the_image(inside):
     user = ["--userspec=65532:65532"] if owns_ids() else []
     process = subprocess.Popen(["/usr/sbin/chroot", *user, inside, PROGRAM],
-                               env={"CHAINCODE_ID": "ledgerline_1:0", "CHAINCODE_SERVER_ADDRESS": "127.0.0.1:0"}, stdout=subprocess.PIPE, text=True)
+                               env={"CHAINCODE_ID": "ledgerline_1:" + 64 * "0", "CHAINCODE_SERVER_ADDRESS": "127.0.0.1:0"}, stdout=subprocess.PIPE, text=True)
     try:
         assert json.loads(process.stdout.readline())["ready"]
     finally:

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <sstream>
 
+#include "common/base/text.hpp"
 #include "common/fabric/channels.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::init {
 namespace {
@@ -106,6 +108,20 @@ Status add_channels(HostPlan& plan, const std::vector<std::string>& texts) {
   if (std::none_of(plan.all_drones.begin(), plan.all_drones.end(), [](const auto& one) { return one.channel.empty(); }))
     return Error{fmt::format("--channel: no drone is left on {}; each channel needs one", plan.channel)};
   return done;
+}
+
+Result<std::vector<HostDrone>> drones_of(const std::vector<std::string>& texts) {
+  std::vector<HostDrone> drones;
+  for (const std::string& text : texts) {
+    const std::size_t at = text.find('=');
+    HostDrone drone{text.substr(0, at), at == std::string::npos ? "" : text.substr(at + 1),
+                    static_cast<int>(drones.size()) + 1};
+    if (drone.name.empty()) return Error{"--drone is NAME or NAME=ADDRESS, not \"" + text + "\""};
+    if (!contract::is_drone_name(drone.name))
+      return Error{"--drone " + printable(drone.name) + ": a drone's name " + contract::drone_name_rule};
+    drones.push_back(std::move(drone));
+  }
+  return drones;
 }
 
 Result<HostPlan> plan_of(const Deployment& deployment, const std::string& name, const Directories& folders) {

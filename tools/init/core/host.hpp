@@ -70,6 +70,9 @@ struct HostPlan {
 /// An error names what is missing: the host, its organisation, a port.
 Result<HostPlan> plan_of(const deployment::Deployment& deployment, const std::string& host, const Directories& folders);
 
+/// Of `--drone`: "tello1=192.168.10.1", or "tello1" where it is not flown from here.
+Result<std::vector<HostDrone>> drones_of(const std::vector<std::string>& texts);
+
 /// Further channels, each as "NAME=DRONE,DRONE": sets which drone is on which; a bare NAME is the first one's. An error
 /// names what does not fit.
 Status add_channels(HostPlan& plan, const std::vector<std::string>& texts);

@@ -82,6 +82,27 @@ TEST_F(ControlTest, NoDroneHasANameThatRosOrMocapNeeds) {
   EXPECT_EQ(enroll(admin1, host, {"tf2"}, ROLE_NONE).status, 200);
 }
 
+TEST_F(ControlTest, ANewDroneHasANameThatRosTakesAsATopicsToken) {
+  for (const char* name : {"1tello", "tello-1", "tello.1", "tello__1", "_tello"}) {
+    EXPECT_THAT(enroll(admin1, host, {name}, ROLE_NONE).message, HasSubstr(contract::drone_name_rule)) << name;
+  }
+  for (const char* name : {"t", "Tello_1", "tello1_"}) EXPECT_EQ(enroll(admin1, host, {name}, ROLE_NONE).status, 200);
+}
+
+TEST_F(ControlTest, ANameOfBeforeThatRosDoesNotTakeStaysUsable) {
+  const std::string name = "tello3_a", of_before = "tello3-a";
+  ASSERT_EQ(enroll(admin1, host, {name}, ROLE_NONE).status, 200);
+  std::map<std::string, std::string> renamed;
+  const auto rename = [&](std::string text) {
+    for (std::size_t at; (at = text.find(name)) != std::string::npos;) text.replace(at, name.size(), of_before);
+    return text;
+  };
+  for (const auto& [key, value] : stub.state) renamed[rename(key)] = rename(value);
+  stub.state = renamed;
+  EXPECT_EQ(enroll(admin1, guard, {of_before}, ROLE_NONE).status, 200) << "of another host";
+  EXPECT_EQ(acquire(chief, {of_before}).status, 200);
+}
+
 TEST_F(ControlTest, AnOrganisationEnrollsAsManyNamesAsTheBoundSays) {
   std::vector<std::string> names;
   for (std::size_t i = 2; i < contract::max_organisation_drones; ++i) names.push_back("more" + std::to_string(i));

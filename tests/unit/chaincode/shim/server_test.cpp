@@ -30,6 +30,23 @@ TEST(ShimServer, RefusesAKeyThatOthersMayRead) {
   ::unlink(key.c_str());
 }
 
+TEST(ShimServer, APackageIdIsALabelAndAHashAndMayHaveTheNewlineOfASecret) {
+  const std::string id = "ledgerline_1:" + std::string(64, 'a');
+  for (const std::string& good : {id, id + "\n"}) {
+    const auto taken = package_id_from(good);
+    ASSERT_TRUE(taken) << taken.error().message;
+    EXPECT_EQ(*taken, id);
+  }
+  for (const std::string& bad : {std::string(), std::string("ledgerline_1"), std::string("ledgerline_1:HASH"),
+                                 ":" + std::string(64, 'a'), "\"" + id + "\"", "'" + id + "'", id + "\n\n", id + "\r\n",
+                                 " " + id, id + " ", id + "a", "ledgerline_1:" + std::string(64, 'A')}) {
+    const auto refused = package_id_from(bad);
+    ASSERT_FALSE(refused) << bad;
+    EXPECT_THAT(refused.error().message, HasSubstr("label:64 hex digits"));
+    EXPECT_EQ(refused.error().message.find('\n'), std::string::npos);
+  }
+}
+
 TEST(ShimServer, DoesNotSpeakPlainTextForAnEmptyKey) {
   const std::string key = ::testing::TempDir() + "shim_server_empty_" + std::to_string(::getpid()) + ".key";
   std::ofstream(key) << "";

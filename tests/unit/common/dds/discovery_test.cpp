@@ -134,6 +134,26 @@ TEST_F(Topics, ServicesTopicsAndOurOwnAreLeftOut) {
   EXPECT_EQ(seen_.items().size(), 1u);
 }
 
+TEST_F(Topics, WhoWritesWhatIsReadAndIsNotHeardIsReportedOnce) {
+  Inbox<std::string> reports;
+  const auto early = writer(other_, "/seen/cmd_vel", other_type);
+  const auto reporting = report_unheard(
+      own_, {{"/seen/cmd_vel", nested, {.reliable = false}}, {"/seen/takeoff", nested, {}}, {"/seen/land", nested, {}}},
+      [&](std::size_t read, const std::string& why) { reports.add(std::to_string(read) + " " + why); });
+  ASSERT_TRUE(reporting) << reporting.error().message;
+  ASSERT_TRUE(reports.wait_for(1));
+  EXPECT_EQ(reports.items()[0],
+            "0 /seen/cmd_vel is written as made_up_msgs/msg/Other; made_up_msgs/msg/Nested is read");
+  const auto again = writer(other_, "/seen/cmd_vel", other_type);
+  const auto heard = writer(other_, "/seen/cmd_vel", nested, {.reliable = false});
+  const auto fits = writer(other_, "/seen/land");
+  const auto elsewhere = writer(other_, "/seen/elsewhere", other_type);
+  const auto weak = writer(other_, "/seen/takeoff", nested, {.reliable = false});
+  ASSERT_TRUE(reports.wait_for(2));
+  EXPECT_THAT(reports.items()[1], testing::StartsWith("1 /seen/takeoff is written best effort; it is read reliable"));
+  EXPECT_EQ(reports.items().size(), 2u);
+}
+
 TEST_F(Topics, EndpointsBeyondTheBoundAreLeftOutAndCounted) {
   const auto one = writer(other_, "/seen/one");
   const Discovery discovery = watch(1);

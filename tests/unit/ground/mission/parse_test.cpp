@@ -198,6 +198,7 @@ TEST(MissionParse, CsvErrorsNameTheirLine) {
   EXPECT_THAT(refused_csv(csv_with("# a comment\ntello1,0,0\n")), HasSubstr("line 3: 3 columns, not 5"));
   EXPECT_THAT(refused_csv(csv_with("tello1,0,0,1,1,land\n")), HasSubstr("line 2: 6 columns, not 5"));
   EXPECT_THAT(refused_csv(csv_with("a b,0,0,1,1\n")), HasSubstr("line 2: the drone's name \"a b\" must be"));
+  EXPECT_THAT(refused_csv(csv_with("tello-1,0,0,1,1\n")), HasSubstr("must be a letter, then letters, digits"));
   EXPECT_THAT(refused_csv(csv_with(",0,0,1,1\n")), HasSubstr("line 2: the drone's name \"\""));
   EXPECT_THAT(refused_csv(csv_with("a,0,0,1,1\na,nan,0,1,1\n")),
               HasSubstr("line 3: x \"nan\" is no number from -1000"));

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/file.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -159,6 +160,17 @@ TEST(GroundSettings, EveryWrongKeyIsReportedWithItsLine) {
   EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:2: flight.shape"));
   EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:3: flight.speed_mps"));
   EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:4: flight.lapse"));
+}
+
+TEST(GroundSettings, ADroneHasANameThatRosTakes) {
+  for (const char* name : {"1tello", "tello-1", "tello__1"}) {
+    auto config = Config::parse("[[drone]]\nname = \"" + std::string(name) + "\"\n", "ground.toml");
+    ASSERT_TRUE(config);
+    (void)flight_config(*config);
+    const auto status = config->finish();
+    ASSERT_FALSE(status) << name;
+    EXPECT_THAT(status.error().message, testing::HasSubstr(contract::drone_name_rule));
+  }
 }
 
 TEST(GroundSettings, StatusAndSummarySayWhatTheContractOfTheProcessesAsksFor) {

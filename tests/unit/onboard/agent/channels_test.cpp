@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "common/msg/contract.hpp"
 #include "onboard/agent/shell/report.hpp"
 
 namespace ledgerline::agent {
@@ -49,6 +50,17 @@ TEST(AgentChannels, OneIsTheProcessItself) {
   EXPECT_THAT(numbers(each[0]), ElementsAre(1));
   EXPECT_EQ(each[0].checkpoint, "kept");
   EXPECT_EQ(each[0].core.seed, process.core.seed);
+}
+
+TEST(AgentSettings, ADroneHasANameThatRosTakes) {
+  for (const char* name : {"1tello", "tello-1", "tello__1"}) {
+    auto config = Config::parse("[[drone]]\nname = \"" + std::string(name) + "\"\n", "agent.toml");
+    ASSERT_TRUE(config);
+    (void)read_settings(*config, "Org1MSP", {"teleop", "ledgerline"});
+    const auto status = config->finish();
+    ASSERT_FALSE(status) << name;
+    EXPECT_THAT(status.error().message, testing::HasSubstr(contract::drone_name_rule));
+  }
 }
 
 TEST(AgentChannels, TheSummaryOfSeveralHasEach) {

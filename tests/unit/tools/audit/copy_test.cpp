@@ -52,6 +52,15 @@ TEST_F(CopyTest, ANodesFileIsReadAndNotTouched) {
   EXPECT_EQ(*read_file(folder + "/blocks"), before);
 }
 
+TEST_F(CopyTest, APathThatCannotBeLookedAtIsAnErrorWithTheSystemsWords) {
+  const auto absent = read(folder + "/nothing");
+  ASSERT_FALSE(absent);
+  EXPECT_THAT(absent.error().message, HasSubstr("No such file or directory"));
+  const auto refused = read(folder + "/" + std::string(300, 'x'));
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("File name too long"));
+}
+
 TEST_F(CopyTest, AFileThatEndsTooSoonSaysSoAndStaysAsItIs) {
   make_store({"one", "two"});
   const std::string cut = read_file(folder + "/blocks")->substr(0, fs::file_size(folder + "/blocks") - 1);

@@ -78,6 +78,8 @@ TEST(Deployment, WhatIsWrongIsReportedWithFileLineAndKey) {
       {host + organisation, "drone: must be 1 to 16 tables"},
       {host + organisation + drone + "[[drone]]\nname = \"tello2\"\nhost = \"ground\"\naddress = \"127.0.0.2\"\n",
        "drone.1.address: must be an address that no other drone of its host has"},
+      {host + organisation + "[[drone]]\nname = \"tello-1\"\nhost = \"ground\"\naddress = \"127.0.0.2\"\n",
+       "drone.0.name: must be a letter, then letters, digits and single underscores"},
       {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"drone-host\", \"ledger\"]\n" + organisation +
            drone,
        "host: must have one with the role \"ground\""},

@@ -8,6 +8,7 @@
 
 #include "common/base/file.hpp"
 #include "common/fabric/validation/channel_config.hpp"
+#include "common/msg/contract.hpp"
 #include "tools/configuration/config_file.hpp"
 
 namespace ledgerline::init {
@@ -398,6 +399,17 @@ TEST(InitProfile, PutsTheFirstChannelIntoEachConfig) {
   const auto files = *files_of(Role::ground, of_profile({}, {"yard"}));
   EXPECT_THAT(without_comments(text_of(files, "ground.toml")), HasSubstr("\nchannel = \"yard\"\n"));
   EXPECT_THAT(text_of(files, "operator.toml"), HasSubstr("endpoint = \"b:7051\""));
+}
+
+TEST(InitProfile, ADroneHasANameThatRosTakes) {
+  const auto drones = drones_of({"tello_1=192.168.10.1", "other"});
+  ASSERT_TRUE(drones) << drones.error().message;
+  EXPECT_EQ((*drones)[0].name, "tello_1");
+  EXPECT_EQ((*drones)[0].address, "192.168.10.1");
+  EXPECT_EQ((*drones)[1].number, 2);
+  for (const char* name : {"1tello", "tello-1", "tello__1=192.168.10.1", "=192.168.10.1"})
+    EXPECT_FALSE(drones_of({name})) << name;
+  EXPECT_THAT(drones_of({"tello-1"}).error().message, HasSubstr(contract::drone_name_rule));
 }
 
 TEST(InitProfile, RefusesWhatItCannotUse) {

@@ -6,6 +6,8 @@
 
 #include <fstream>
 
+#include "common/msg/contract.hpp"
+
 namespace ledgerline::link {
 namespace {
 
@@ -133,6 +135,16 @@ TEST_F(LinkConfig, MistakesAreNamed) {
   EXPECT_NE(error_of(drone + "[state]\nlisten = \"localhost:1\"\n").find("state.listen"), std::string::npos);
   EXPECT_NE(error_of(drone + "[state]\nlisten = \"0.0.0.0:0\"\n").find("state.listen"), std::string::npos);
   EXPECT_NE(error_of("[[drone]]\nname = \"tello1\"\naddress = \"tello.local\"\n").find("tello1"), std::string::npos);
+}
+
+TEST_F(LinkConfig, ADroneHasANameThatRosTakes) {
+  for (const char* name : {"1tello", "tello-1", "tello__1"}) {
+    const auto refused = load("[[drone]]\nname = \"" + std::string(name) + "\"\naddress = \"192.168.10.1\"\n");
+    ASSERT_FALSE(refused) << name;
+    EXPECT_NE(refused.error().message.find("drone.0.name: " + std::string(contract::drone_name_rule)),
+              std::string::npos)
+        << refused.error().message;
+  }
 }
 
 TEST_F(LinkConfig, DronesWithOneAddressNeedInterfacesOfTheirOwn) {
