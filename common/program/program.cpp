@@ -10,7 +10,10 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <exception>
+#include <filesystem>
 #include <iostream>
 #include <utility>
 
@@ -35,6 +38,21 @@ int exit_code(const Status& ended) { return ended ? 0 : fail(ended.error()); }
 int exit_code(const Result<bool>& ended) {
   if (!ended) return fail(ended.error());
   return *ended ? 0 : exit_failed;
+}
+
+void report_uncaught_file_errors() {
+  static const std::terminate_handler before = std::get_terminate();  // once: a second call is not to be its own
+  std::set_terminate([] {
+    try {
+      if (const auto thrown = std::current_exception()) std::rethrow_exception(thrown);
+    } catch (const std::filesystem::filesystem_error& error) {
+      const std::string path = error.path1().empty() ? "the working folder" : error.path1().string();
+      std::fprintf(stderr, "error: %s: %s\n", path.c_str(), error.code().message().c_str());
+      std::_Exit(exit_failed);
+    } catch (...) {  // anything else ends as without this
+    }
+    before();
+  });
 }
 
 void outlive_readers() {

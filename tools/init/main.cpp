@@ -114,18 +114,24 @@ void role_options(CommandLine& line, Options& options) {
       .one_at_a_time();
   line.flag("--direct", options.direct,
             "with --profile: past the gateway, where the contract's policy is not a majority's");
-  line.option("--out", options.out, "where the configs are written, and the files that they name lie").shows_default();
+  line.option("--out", options.out, "where the configs are written, and the files that they name lie")
+      .utf8_path()
+      .shows_default();
   line.option("--state-dir", options.folders.state,
-              "where programs keep what they remember; without: their services' own, below /var/lib");
-  line.option("--msp-dir", options.folders.msp_dir, "of the identity; without: OUT/msp");
-  line.option("--tls-ca", options.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem");
+              "where programs keep what they remember; without: their services' own, below /var/lib")
+      .utf8_path();
+  line.option("--msp-dir", options.folders.msp_dir, "of the identity; without: OUT/msp").utf8_path();
+  line.option("--tls-ca", options.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem")
+      .utf8_path();
   line.option("--tls-certificate", options.folders.tls_certificate,
-              "that programs show where the ledger asks for one (mutual TLS); the identity's own will do");
-  line.option("--tls-key", options.folders.tls_key, "of --tls-certificate");
+              "that programs show where the ledger asks for one (mutual TLS); the identity's own will do")
+      .utf8_path();
+  line.option("--tls-key", options.folders.tls_key, "of --tls-certificate").utf8_path();
   line.option("--tls-client-ca", options.client_authorities,
               "with --role ledger: an authority whose certificates the embedded ledger asks its clients for")
-      .one_at_a_time();
-  line.option("--config-block", options.folders.config_block, "trust anchor; without: OUT/CHANNEL.block");
+      .one_at_a_time()
+      .utf8_path();
+  line.option("--config-block", options.folders.config_block, "trust anchor; without: OUT/CHANNEL.block").utf8_path();
   line.option("--batch-timeout", options.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
       .within(0.0, 60'000.0)
       .shows_default();

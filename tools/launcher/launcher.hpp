@@ -52,7 +52,7 @@ class Programs : public Children {
 
   bool is_ready(const std::string& name) const { return ready_.contains(name); }
   bool is_impatient() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
-  bool serves(const std::string& name) const { return running(name) && is_ready(name); }
+  bool serves(const std::string& name) const { return is_running(name) && is_ready(name); }
   /// The JSON object, in one line, that a program said it serves with; it is_ready().
   const std::string& ready_line(const std::string& name) const { return ready_.at(name); }
   void expect_again(const std::string& name) { ready_.erase(name); }  ///< it has to become ready once more

@@ -428,7 +428,7 @@ TEST(InitCommented, RefusesAValueOfAKeyThatNobodyReads) {
 }
 
 TEST(InitCommented, WritesTextsThatTomlReadsBack) {
-  for (const std::string text : {"raven", "a \"b\" \\ c", ""}) {
+  for (const std::string text : {"raven", "a \"b\" \\ c", "a\n\t\x7f\x01z", "caf\xc3\xa9", ""}) {
     auto config = Config::parse("key = " + configuration::toml(text), "");
     EXPECT_EQ(config->text("key"), text);
   }

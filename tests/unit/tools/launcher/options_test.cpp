@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 
 #include "common/base/file.hpp"
 
@@ -328,6 +329,16 @@ TEST(FlyOptions, DurationsHaveUnitsOrAreMilliseconds) {
   for (const char* wrong : {"", "ms", "10 years", "-5ms", "0", "61s", "10msx", "nan", "1e99s"}) {
     EXPECT_FALSE(parse_duration(wrong)) << wrong;
   }
+}
+
+TEST(FlyOptions, PathsThatConfigsCannotHoldAreRefusedAtTheStart) {
+  expect_refused({"--out", "/tmp/caf\xe9"}, "--out: /tmp/caf? is no UTF-8");
+  const std::string file = testing::TempDir() + "caf\xe9.csv";
+  ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
+  expect_refused({"--shape", file}, "--shape: ");
+  expect_refused({"--shape", file}, "is no UTF-8");
+  expect_refused({"--task", "tello1 shape=" + file}, "is no UTF-8");
+  std::remove(file.c_str());
 }
 
 }  // namespace
