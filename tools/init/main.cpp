@@ -61,7 +61,8 @@ Result<init::ProfilePlan> plan_by_deployment(const Options& options) {
 Result<init::ProfilePlan> plan_by_profile(const Options& options) {
   auto text = read_file(options.profile);
   if (!text) return text.error();
-  auto planned = init::plan_of_profile(*text, options.msp_id, options.host, options.folders, options.channels);
+  auto planned = init::plan_of_profile(*text, options.msp_id, options.host, options.folders, options.channels,
+                                       std::filesystem::absolute(options.profile).parent_path().string());
   if (!planned) return planned.error();
   auto drones = drones_of(options.drones);
   if (!drones) return drones.error();
@@ -102,7 +103,8 @@ void role_options(CommandLine& line, Options& options) {
       .one_of(std::vector<std::string>(init::roles.begin(), init::roles.end()));
   line.option("--deployment", options.deployment, "deployment.toml: hosts, drones, ledger").existing_file();
   line.option("--profile", options.profile, "connection profile of Fabric (JSON), in place of --deployment")
-      .existing_file();
+      .existing_file()
+      .utf8_path();
   line.option("--host", options.host, "which [[host]] of the deployment this is");
   line.option("--msp-id", options.msp_id, "with --profile: the own organisation");
   line.option("--drone", options.drones, "with --profile: NAME, or NAME=ADDRESS of one that this host flies")
