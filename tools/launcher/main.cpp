@@ -126,7 +126,7 @@ int main(int argc, char** argv) {
       launcher::RunLock::acquire(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
   if (!lock) return fail(lock.error().message);
 
-  std::vector<std::string> notes;
+  std::vector<std::string> notes = asked.options.notes;
   const auto problems = launcher::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
   const char* uri = std::getenv("CYCLONEDDS_URI");
   if (uri && *uri && asked.options.cyclonedds.empty())

@@ -259,7 +259,7 @@ Status check_together(const CommandLine& line, const Options& o) {
 }
 
 /// One word of --task.
-Status apply_task_word(const std::string& word, DroneTask& task) {
+Status apply_task_word(const std::string& word, DroneTask& task, std::vector<std::string>& notes) {
   const auto equals = word.find('=');
   const std::string key = word.substr(0, equals), value = equals == std::string::npos ? "" : word.substr(equals + 1);
   if (key == "shape") {
@@ -270,6 +270,7 @@ Status apply_task_word(const std::string& word, DroneTask& task) {
     if (task.course.waypoints.empty()) return task.file.clear(), done;
     if (std::string problem = utf8_path_problem(value); !problem.empty()) return Error{std::move(problem)};
     task.file = std::filesystem::absolute(value).string();
+    if (!course->note.empty()) notes.push_back(std::move(course->note));
     return done;
   }
   double number = 0;
@@ -300,7 +301,7 @@ Status apply_tasks(const Words& words, Options& o) {
     if (drone > o.drones) return Error{fmt::format("--task: \"{}\" names none of the {} drones", text, o.drones)};
     DroneTask task = task_of(o, drone);
     while (in >> word) {
-      if (auto taken = apply_task_word(word, task); !taken) return Error{"--task: " + taken.error().message};
+      if (auto taken = apply_task_word(word, task, o.notes); !taken) return Error{"--task: " + taken.error().message};
     }
     o.tasks[drone] = std::move(task);
   }
@@ -318,6 +319,7 @@ Status apply_path(const Words& words, Options& o) {
     if (const std::string problem = utf8_path_problem(words.shape); !problem.empty())
       return Error{"--shape: " + problem};
     o.course_file = std::filesystem::absolute(words.shape);
+    if (!course->note.empty()) o.notes.push_back(std::move(course->note));
   }
   if (auto taken = apply_tasks(words, o); !taken) return taken;
   // Own drones stand where their poses say, before take-off.

@@ -341,5 +341,15 @@ TEST(FlyOptions, PathsThatConfigsCannotHoldAreRefusedAtTheStart) {
   std::remove(file.c_str());
 }
 
+TEST(FlyOptions, NotesAPathThatMayHaveDecimalCommas) {
+  const std::string file = testing::TempDir() + "/commas.csv";
+  ASSERT_TRUE(write_file(file, "0,0,1,1\n1,2,1,1\n3,0,1,1\n"));
+  const auto noted = parse_command_line({"--shape", file, "--task", "tello1 shape=" + file});
+  ASSERT_EQ(noted.options.notes.size(), 2u) << noted.text;
+  EXPECT_THAT(noted.options.notes[0], HasSubstr("commas.csv:1: read as x 0"));
+  ASSERT_TRUE(write_file(file, "0,0,1,1\n1,0.5,1,1\n3,0,1,1\n"));
+  EXPECT_TRUE(parse_command_line({"--shape", file}).options.notes.empty());
+}
+
 }  // namespace
 }  // namespace ledgerline::launcher
