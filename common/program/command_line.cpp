@@ -150,9 +150,10 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
 }
 
 std::optional<int> CommandLine::parse(int argc, char** argv) {
+  report_uncaught_file_errors();
+  report_lost_output();
   const auto end = read({argv + 1, argv + argc});
   if (!end) {
-    report_uncaught_file_errors();
     init_log(name_);
     return std::nullopt;
   }

@@ -55,7 +55,21 @@ void report_uncaught_file_errors() {
   });
 }
 
+namespace {
+bool output_counts = false;
+}  // namespace
+
+void report_lost_output() {
+  if (std::exchange(output_counts, true)) return;
+  std::atexit([] {
+    if (!output_counts || (std::ferror(stdout) == 0 && std::fflush(stdout) == 0)) return;
+    std::fputs("error: standard output took less than the whole: no room, or nobody reads it\n", stderr);
+    std::_Exit(exit_failed);
+  });
+}
+
 void outlive_readers() {
+  output_counts = false;
   std::signal(SIGPIPE, SIG_IGN);
   log_without_waiting();
 }

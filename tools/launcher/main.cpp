@@ -105,7 +105,8 @@ int fly_and_report(const launcher::Options& options, const launcher::RunFiles& f
   std::cout.flush();
   if (!results.ok) return fail(results.why);
   if (!written) return fail(written.error().message);
-  return std::cout ? EXIT_SUCCESS : EXIT_FAILURE;
+  return std::cout ? EXIT_SUCCESS
+                   : fail("standard output took less than the whole report: no room, or nobody reads it");
 }
 
 }  // namespace

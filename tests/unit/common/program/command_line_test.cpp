@@ -207,5 +207,17 @@ TEST(AProgram, NamesTheOptionWhosePathCountsFromAWorkingFolderThatIsGone) {
   EXPECT_EXIT(run(), testing::ExitedWithCode(0), "the working folder: No such file or directory\\|$");
 }
 
+TEST(AProgram, EndsWithAnErrorWhereItsOutputIsFull) {
+  const auto run = [](bool service) {
+    if (std::freopen("/dev/full", "w", stdout) == nullptr) std::_Exit(99);
+    report_lost_output();
+    if (service) outlive_readers();
+    print_line("a result");
+    std::exit(0);
+  };
+  EXPECT_EXIT(run(false), testing::ExitedWithCode(exit_failed), "error: standard output took less");
+  EXPECT_EXIT(run(true), testing::ExitedWithCode(0), "");
+}
+
 }  // namespace
 }  // namespace ledgerline
