@@ -112,12 +112,12 @@ int fly_and_report(const launcher::Options& options, const launcher::RunFiles& f
 }  // namespace
 
 int main(int argc, char** argv) {
+  report_uncaught_file_errors();
   const launcher::ParsedOptions asked = launcher::parse_command_line({argv + 1, argv + argc});
   if (!asked.fly) {
     (asked.exit_code == 0 ? std::cout : std::cerr) << asked.text;
     return asked.exit_code;
   }
-  report_uncaught_file_errors();
   const Result<fs::path> out = asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out);
   if (!out) return fail(out.error().message);
   launcher::RunFiles files{fs::absolute(*out)};
