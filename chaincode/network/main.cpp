@@ -343,7 +343,9 @@ std::vector<Verb> add_verbs(CommandLine& line, VerbOptions& verb_options) {
   std::vector<Verb> verbs;
   const auto add = [&](const std::string& name, const std::string& about) {
     Verb verb = line.verb(name, about);
-    verb.option("--dir", verb_options.options.dir, "Everything of the network: identities, ledgers, logs").required();
+    verb.option("--dir", verb_options.options.dir, "Everything of the network: identities, ledgers, logs")
+        .required()
+        .utf8_path();
     verbs.push_back(verb);
     return verb;
   };

@@ -168,6 +168,13 @@ Result<fs::space_info> space_at(const std::string& path) {
   return space;
 }
 
+Status check_folder_of(const std::string& file) {
+  const std::filesystem::path folder = std::filesystem::path(file).parent_path();
+  std::error_code error;
+  if (folder.empty() || std::filesystem::is_directory(folder, error)) return done;
+  return Error{fmt::format("{}: there is no folder {}", file, folder.string())};
+}
+
 Status check_space(const std::string& path, std::uint64_t needed, const std::string& for_what) {
   const auto space = space_at(path);
   if (!space) return space.error();

@@ -55,6 +55,9 @@ std::uint64_t bytes_below(const std::string& directory);
 /// The file system's where `path` is, or would be made.
 Result<std::filesystem::space_info> space_at(const std::string& path);
 
+/// An error where the folder that this file would be made in is not there.
+Status check_folder_of(const std::string& file);
+
 /// An error that names the path and both sizes when fewer bytes are free there than needed.
 Status check_space(const std::string& path, std::uint64_t needed, const std::string& for_what);
 

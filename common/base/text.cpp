@@ -52,6 +52,15 @@ std::string printable(std::string_view text, std::size_t max_size) {
   return out;
 }
 
+bool is_utf8(std::string_view text) {
+  while (!text.empty()) {
+    const std::size_t size = character_size(text);
+    if (size == 0) return false;
+    text.remove_prefix(size);
+  }
+  return true;
+}
+
 std::string xml_text(std::string_view text) {
   constexpr std::pair<char, std::string_view> escapes[] = {
       {'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}};

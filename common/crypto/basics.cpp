@@ -1,9 +1,11 @@
 #include <openssl/crypto.h>
+#include <openssl/evp.h>
 #include <openssl/sha.h>
 #include <sys/random.h>
 
 #include <cerrno>
 #include <charconv>
+#include <climits>
 #include <stdexcept>
 #include <system_error>
 
@@ -51,6 +53,21 @@ std::optional<std::string> unhex(std::string_view text) {
     if (error != std::errc() || at != end) return std::nullopt;
     bytes.push_back(static_cast<char>(byte));
   }
+  return bytes;
+}
+
+std::optional<std::string> unbase64(std::string_view text) {
+  std::string plain;
+  for (const char c : text)
+    if (c != '\n' && c != '\r' && c != ' ') plain += c;
+  const std::size_t filled = plain.ends_with("==") ? 2 : plain.ends_with('=') ? 1 : 0;
+  if (plain.empty() || plain.size() % 4 != 0 || plain.size() > INT_MAX) return std::nullopt;
+  std::string bytes(plain.size() / 4 * 3, '\0');
+  const int size =
+      ::EVP_DecodeBlock(reinterpret_cast<unsigned char*>(bytes.data()),
+                        reinterpret_cast<const unsigned char*>(plain.data()), static_cast<int>(plain.size()));
+  if (size < 0) return std::nullopt;
+  bytes.resize(static_cast<std::size_t>(size) - filled);
   return bytes;
 }
 

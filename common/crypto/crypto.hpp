@@ -22,6 +22,8 @@ std::string hex(std::string_view bytes);
 std::string hex(const Digest& digest);
 /// The bytes of which hex() makes that text; nullopt: it is none.
 std::optional<std::string> unhex(std::string_view text);
+/// The bytes that stand in this base64, which may have line ends; nullopt: it is none.
+std::optional<std::string> unbase64(std::string_view text);
 
 enum class Library { mbedtls, libcrypto };
 

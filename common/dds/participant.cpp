@@ -181,6 +181,13 @@ class CycloneSays {
   std::vector<std::string> lines_;
 };
 
+/// The configuration that a person wrote, as Cyclone is given it; empty: none, or ours.
+std::string own_configuration(const Reach& reach) {
+  if (reach.cyclone_config) return reach.cyclone_config->starts_with("file://") ? *reach.cyclone_config : "";
+  const char* uri = std::getenv("CYCLONEDDS_URI");
+  return uri && *uri ? "CYCLONEDDS_URI " + std::string(uri) : "";
+}
+
 /// Null where the domain exists already by other means: it then keeps its own configuration.
 Result<std::shared_ptr<OwnDomain>> own_domain(std::uint32_t id, const Reach& reach, const CycloneSays& says) {
   static std::map<std::uint32_t, std::weak_ptr<OwnDomain>> domains;
@@ -188,7 +195,7 @@ Result<std::shared_ptr<OwnDomain>> own_domain(std::uint32_t id, const Reach& rea
   const auto before = open_sockets();
   const dds_entity_t handle = dds_create_domain(id, reach.cyclone_config->c_str());
   if (handle == DDS_RETCODE_PRECONDITION_NOT_MET) return std::shared_ptr<OwnDomain>{};
-  if (handle < 0) return Error{why_no_domain(id, says.joined())};
+  if (handle < 0) return Error{why_no_domain(id, says.joined(), own_configuration(reach))};
   auto made = std::make_shared<OwnDomain>(handle);
   if (reach.this_host_only) {
     if (auto heard = hear_this_host_only(id, before); !heard) return heard.error();
@@ -214,7 +221,7 @@ Result<MadeParticipant> make_participant(std::uint32_t domain, const Reach& reac
     const std::string said = says.joined();
     return Error{made.domain ? "no DDS participant in domain " + std::to_string(domain) + ": " +
                                    dds_strretcode(made.handle) + (said.empty() ? "" : ": " + said)
-                             : why_no_domain(domain, said)};
+                             : why_no_domain(domain, said, own_configuration(reach))};
   }
   for (const std::string& line : says.lines()) spdlog::warn("Cyclone DDS: {}", line);
   return made;
@@ -237,7 +244,9 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
   const char* uri = std::getenv("CYCLONEDDS_URI");
   const auto interfaces = host_interfaces();
   if (!interfaces) return interfaces.error();
-  const auto reach = reach_of(options, uri ? uri : "", *interfaces);
+  ParticipantOptions in_domain = options;
+  in_domain.domain = domain;
+  const auto reach = reach_of(in_domain, uri ? uri : "", *interfaces);
   if (!reach) return reach.error();
   for (const std::string& warning : reach->warnings) spdlog::warn("{}", warning);
   const QosPtr qos(dds_create_qos());

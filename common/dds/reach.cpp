@@ -24,9 +24,15 @@ struct Used {
   Multicast multicast;
 };
 
+/// Participants whose ports (RTPS: 7410 + 250 * domain + 2 * participant, and one more) are ports: fewer in domain 232.
+int room_of(std::uint32_t domain) {
+  return std::min(max_participants, (65'535 - 7'411 - 250 * static_cast<int>(domain)) / 2 + 1);
+}
+
 /// No interfaces: Cyclone's own choice. Discovery by multicast where an interface can do it, and by unicast to the
 /// participants of the peers.
-std::string cyclone_config(const std::vector<Used>& interfaces, const std::vector<std::string>& peers) {
+std::string cyclone_config(const std::vector<Used>& interfaces, const std::vector<std::string>& peers,
+                           std::uint32_t domain) {
   std::string general;
   for (const Used& one : interfaces) {
     constexpr const char* multicast[] = {" multicast=\"true\"", " multicast=\"false\"", ""};
@@ -40,7 +46,7 @@ std::string cyclone_config(const std::vector<Used>& interfaces, const std::vecto
   return fmt::format(
       "<CycloneDDS><Domain id=\"any\">{}<Discovery><ParticipantIndex>auto</ParticipantIndex>"
       "<MaxAutoParticipantIndex>{}</MaxAutoParticipantIndex>{}</Discovery></Domain></CycloneDDS>",
-      general, max_participants - 1, asked);
+      general, room_of(domain) - 1, asked);
 }
 
 constexpr const char* this_host = "127.0.0.1";
@@ -62,11 +68,11 @@ Result<Interface> usable(const std::string& name, const std::vector<Interface>& 
 }
 
 /// Loopback, with multicast whether or not lo is flagged for it: a fresh container's is not, and can.
-Result<Reach> loopback(const std::vector<Interface>& host, std::string_view ros_release) {
+Result<Reach> loopback(const ParticipantOptions& options, const std::vector<Interface>& host) {
   if (const auto lo = usable(loopback_name, host); !lo) return lo.error();
   std::vector<Used> interfaces{{loopback_name, Multicast::yes}};
   // From Iron on ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST lets a node announce any address of its host.
-  if (!ros_release.empty() && !is_before_iron(ros_release)) {
+  if (!options.ros_release.empty() && !is_before_iron(options.ros_release)) {
     // Neighbours announce all their addresses, so one of each is enough. What is sent to them stays on this host.
     for (const Interface& i : host) {
       if (i.up && i.has_address && !i.loopback && interfaces.size() < max_interfaces)
@@ -74,7 +80,7 @@ Result<Reach> loopback(const std::vector<Interface>& host, std::string_view ros_
     }
     if (interfaces.size() > 1) interfaces.front().multicast = Multicast::no;
   }
-  return Reach{cyclone_config(interfaces, {this_host}), true, {}};
+  return Reach{cyclone_config(interfaces, {this_host}, options.domain.value_or(0)), true, {}};
 }
 
 Result<Reach> named(const ParticipantOptions& options, const std::vector<Interface>& host) {
@@ -97,7 +103,7 @@ Result<Reach> named(const ParticipantOptions& options, const std::vector<Interfa
                                          fmt::join(deaf, ", "),
                                          options.peers.empty() ? "name them in [dds] peers" : "those of [dds] peers"));
   }
-  reach.cyclone_config = cyclone_config(interfaces, peers);
+  reach.cyclone_config = cyclone_config(interfaces, peers, options.domain.value_or(0));
   return reach;
 }
 
@@ -117,7 +123,7 @@ Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, 
     return reach;
   }
   if (options.local_only.value_or(uri.empty())) {
-    auto reach = loopback(host, options.ros_release);
+    auto reach = loopback(options, host);
     if (reach && !uri.empty()) {
       reach->warnings.emplace_back(
           "CYCLONEDDS_URI is set, but the config says local_only = true: DDS stays on this machine");
@@ -137,15 +143,18 @@ Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, 
   return reach;
 }
 
-std::string why_no_domain(std::uint32_t domain, std::string_view said) {
+std::string why_no_domain(std::uint32_t domain, std::string_view said, std::string_view configuration) {
   const std::string head = fmt::format("DDS domain {} does not start: ", domain);
   if (said.find("free participant index") != std::string_view::npos) {
     const std::uint32_t first = 7410 + 250 * domain;
     return fmt::format(
         "{}programs on this host have taken every participant's ports of this domain (UDP, from {}; ours have room for "
         "{} programs, a configuration of your own for its MaxAutoParticipantIndex); end some, or use another domain",
-        head, first, max_participants);
+        head, first, room_of(domain));
   }
+  if (said.empty() && !configuration.empty())
+    return fmt::format("{}Cyclone DDS does not say why; look at {}: its XML must have one root, <CycloneDDS>", head,
+                       printable(configuration));
   if (said.empty()) return head + "Cyclone DDS does not say why";
   return head + std::string(said);
 }

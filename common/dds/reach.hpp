@@ -50,7 +50,8 @@ struct Reach {
 /// there are; one that is needed but missing, down or without an IPv4 address is an error. Pure.
 Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, const std::vector<Interface>& host);
 
-/// What a person needs to hear of a domain that did not start. `said`: Cyclone's own messages. Pure.
-std::string why_no_domain(std::uint32_t domain, std::string_view said);
+/// What a person needs to hear of a domain that did not start. `said`: Cyclone's own messages. `configuration`: of a
+/// person's own, as Cyclone is given it: a file's URI, or XML; empty: none. Pure.
+std::string why_no_domain(std::uint32_t domain, std::string_view said, std::string_view configuration = "");
 
 }  // namespace ledgerline::dds

@@ -8,9 +8,18 @@
 #include <sstream>
 
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/program/program.hpp"
 
 namespace ledgerline {
+
+std::string utf8_path_problem(const std::string& path) {
+  if (path.empty()) return "";
+  std::error_code error;
+  const std::string absolute = std::filesystem::absolute(path, error).string();
+  if (error) return "the working folder: " + error.message();
+  return is_utf8(absolute) ? "" : printable(absolute) + " is no UTF-8, as configs and figures must be: choose another";
+}
 
 Option& Option::required(bool yes) { return option_->required(yes), *this; }
 Option& Option::shows_default() { return option_->capture_default_str(), *this; }
@@ -26,6 +35,9 @@ Option& Option::checked_by(const std::string& kind, std::function<std::string(co
 }
 Option& Option::existing_file() { return option_->check(CLI::ExistingFile), *this; }
 Option& Option::existing_path() { return option_->check(CLI::ExistingPath), *this; }
+Option& Option::utf8_path() {
+  return option_->check(CLI::Validator([](const std::string& path) { return utf8_path_problem(path); }, "")), *this;
+}
 Option& Option::comma_list(int values) {
   option_->delimiter(',');
   if (values > 0) option_->expected(values);
@@ -138,6 +150,8 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
 }
 
 std::optional<int> CommandLine::parse(int argc, char** argv) {
+  report_uncaught_file_errors();
+  report_lost_output();
   const auto end = read({argv + 1, argv + argc});
   if (!end) {
     init_log(name_);

@@ -13,6 +13,10 @@ class Option;
 
 namespace ledgerline {
 
+/// What is wrong with a path that goes into configs (TOML) or figures (JSON): it must be UTF-8, and so must the working
+/// folder that it counts from. Empty: nothing.
+std::string utf8_path_problem(const std::string& path);
+
 /// One option of a command line, to say more of it.
 class Option {
  public:
@@ -29,6 +33,8 @@ class Option {
   Option& checked_by(const std::string& kind, std::function<std::string(const std::string&)> problem);
   Option& existing_file();
   Option& existing_path();
+  /// As utf8_path_problem().
+  Option& utf8_path();
   /// Of a list: commas stand between its values, and there must be so many (0: one or more).
   Option& comma_list(int values = 0);
   /// Of a list: one value each time that it is given.

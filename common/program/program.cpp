@@ -10,7 +10,10 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <exception>
+#include <filesystem>
 #include <iostream>
 #include <utility>
 
@@ -37,7 +40,36 @@ int exit_code(const Result<bool>& ended) {
   return *ended ? 0 : exit_failed;
 }
 
+void report_uncaught_file_errors() {
+  static const std::terminate_handler before = std::get_terminate();  // once: a second call is not to be its own
+  std::set_terminate([] {
+    try {
+      if (const auto thrown = std::current_exception()) std::rethrow_exception(thrown);
+    } catch (const std::filesystem::filesystem_error& error) {
+      const std::string path = error.path1().empty() ? "the working folder" : error.path1().string();
+      std::fprintf(stderr, "error: %s: %s\n", path.c_str(), error.code().message().c_str());
+      std::_Exit(exit_failed);
+    } catch (...) {  // anything else ends as without this
+    }
+    before();
+  });
+}
+
+namespace {
+bool output_counts = false;
+}  // namespace
+
+void report_lost_output() {
+  if (std::exchange(output_counts, true)) return;
+  std::atexit([] {
+    if (!output_counts || (std::ferror(stdout) == 0 && std::fflush(stdout) == 0)) return;
+    std::fputs("error: standard output took less than the whole: no room, or nobody reads it\n", stderr);
+    std::_Exit(exit_failed);
+  });
+}
+
 void outlive_readers() {
+  output_counts = false;
   std::signal(SIGPIPE, SIG_IGN);
   log_without_waiting();
 }

@@ -30,6 +30,15 @@ int fail(const Error& error, int exit_code = exit_failed);
 int exit_code(const Status& ended);
 int exit_code(const Result<bool>& ended);
 
+/// From here on, what std::filesystem throws and nobody catches (its working folder is gone, a disk fails) ends the
+/// program with exit_failed, and with path and reason on standard error. CommandLine::parse() calls it.
+void report_uncaught_file_errors();
+
+/// From here on, a program that ends as it should, but whose standard output (a file on a full disk) did not take all
+/// that was printed, ends with exit_failed and with a word on standard error; not after outlive_readers().
+/// CommandLine::parse() calls it.
+void report_lost_output();
+
 /// Set and counted by the signals that catch_stop_signals() catches: the program shall end. Two within 200 ms are one
 /// request: a wrapper (ros2 launch, npm, timeout) and the terminal pass on the same Ctrl-C. A person needs longer.
 inline std::atomic<bool> stop_requested{false};

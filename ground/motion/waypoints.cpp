@@ -1,10 +1,12 @@
 #include "ground/motion/waypoints.hpp"
 
 #include <fmt/format.h>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <numbers>
 #include <string_view>
+#include <utility>
 
 #include "common/base/enum_count.hpp"
 #include "common/base/text.hpp"
@@ -96,6 +98,28 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
       return Error{fmt::format("{}:{}: more than {} m from the first point", file, point.line, max_distance_m)};
   }
   return points;
+}
+
+std::string decimal_comma_note(const std::string& text, const std::string& file) {
+  constexpr std::size_t all = 4;
+  const auto is_whole = [](std::string_view cell) {
+    if (cell.starts_with('-')) cell.remove_prefix(1);
+    return !cell.empty() && cell.find_first_not_of("0123456789") == std::string_view::npos;
+  };
+  std::string note;
+  bool first = true;
+  for (CsvLines lines(text); lines.next();) {
+    const auto cells = cells_of(lines.line());
+    if (std::exchange(first, false) && is_heading(cells)) return "";  // its columns have names
+    if (cells.size() != all || !std::ranges::all_of(cells, is_whole)) return "";
+    // Most telling is a row whose decimals would be some.
+    if (note.empty() && (cells[1] != "0" || cells[3] != "0"))
+      note = fmt::format(
+          "{}:{}: read as x {}, y {}, z {} m and {} m/s; if {},{} and {},{} are meant, write points: {}.{},{}.{}", file,
+          lines.number(), cells[0], cells[1], cells[2], cells[3], cells[0], cells[1], cells[2], cells[3], cells[0],
+          cells[1], cells[2], cells[3]);
+  }
+  return note;
 }
 
 Status check_limits(const Waypoint& point) {

@@ -51,6 +51,11 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m);
 /// row closer than 1 cm, 0.3 <= z <= 10, 0.05 <= speed <= 8. An error names file, line and what is allowed.
 Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file);
 
+/// Where each row of such a file is four whole numbers, it may be two with decimal commas as well ("1,5,1,5"): a note
+/// for a person that names the first such row and how it is read, since both are files that somebody may mean. Else
+/// empty.
+std::string decimal_comma_note(const std::string& text, const std::string& file);
+
 /// The error says what of its height or speed may not be, to be read behind its name.
 Status check_limits(const Waypoint& point);
 

@@ -11,24 +11,32 @@ namespace {
 
 constexpr std::uintmax_t max_bytes = 1'000'000;
 
-}  // namespace
-
-Result<std::vector<Waypoint>> read_waypoints(const std::string& file) {
+Result<std::string> read_text(const std::string& file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) return Error{fmt::format("there is no file {}", file)};
   if (std::filesystem::file_size(file, error) > max_bytes || error)
     return Error{fmt::format("{}: more than 1 MB is no file of waypoints", file)};
-  const auto text = read_file(file);
+  return read_file(file);
+}
+
+}  // namespace
+
+Result<std::vector<Waypoint>> read_waypoints(const std::string& file) {
+  const auto text = read_text(file);
   if (!text) return text.error();
   return motion::waypoints_from_csv(*text, file);
 }
 
 Result<PathChoice> path_choice_from(const std::string& shape_or_file) {
   if (const auto shape = shape_from_name(shape_or_file)) return PathChoice{*shape, {}};
-  auto waypoints = read_waypoints(shape_or_file);
-  if (waypoints) return PathChoice{Shape::square, std::move(waypoints).value()};
   std::error_code error;
-  if (std::filesystem::exists(shape_or_file, error)) return waypoints.error();
+  if (const auto text = read_text(shape_or_file)) {
+    auto waypoints = motion::waypoints_from_csv(*text, shape_or_file);
+    if (!waypoints) return waypoints.error();
+    return PathChoice{Shape::square, std::move(*waypoints), motion::decimal_comma_note(*text, shape_or_file)};
+  } else if (std::filesystem::exists(shape_or_file, error)) {
+    return text.error();
+  }
   return Error{fmt::format("\"{}\" is neither square, triangle, x nor eight, nor a file of waypoints", shape_or_file)};
 }
 

@@ -10,6 +10,7 @@ namespace ledgerline::ground {
 struct PathChoice {
   Shape shape = Shape::square;
   std::vector<Waypoint> waypoints;  ///< empty: the shape
+  std::string note{};               ///< what a person should look at in that file; empty: nothing
 };
 
 /// A regular file of at most 1 MB, as motion::waypoints_from_csv takes it. The error names it.

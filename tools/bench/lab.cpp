@@ -10,11 +10,13 @@
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 #include "common/process/usage.hpp"
+#include "tools/configuration/config_file.hpp"
 
 namespace ledgerline::bench {
 namespace {
 
 namespace fs = std::filesystem;
+using configuration::toml;
 using nlohmann::json;
 
 constexpr TimeNs watch_ns = 50 * ns_per_ms;
@@ -25,12 +27,13 @@ constexpr int log_lines = 8;
 constexpr int names_of_b = 16;
 
 std::string ledger_table(const Network::Access& access) {
-  return fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"{}\"\nmsp_dir = \"{}\"\n",
-                     access.endpoint, access.tls_ca, access.msp_id, access.msp_dir);
+  return fmt::format("[ledger]\nendpoint = {}\ntls_ca = {}\nmsp_id = {}\nmsp_dir = {}\n", toml(access.endpoint),
+                     toml(access.tls_ca), toml(access.msp_id), toml(access.msp_dir));
 }
 
 std::string endorser_table(const std::string& msp_id, const std::string& endpoint, const std::string& tls_ca) {
-  return fmt::format("\n[[endorser]]\nmsp_id = \"{}\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", msp_id, endpoint, tls_ca);
+  return fmt::format("\n[[endorser]]\nmsp_id = {}\nendpoint = {}\ntls_ca = {}\n", toml(msp_id), toml(endpoint),
+                     toml(tls_ca));
 }
 
 std::string tail(const Children& children, const std::string& name, const fs::path& log) {
@@ -135,10 +138,9 @@ std::string Network::endorser_config(int organisation, const fs::path& summary) 
   Access as = access(organisation);
   as.msp_dir = own / "msp";
   return ledger_table(as) +
-         fmt::format(
-             "config_block = \"{}\"\n\n[serve]\ntls_certificate = \"{}\"\ntls_key = \"{}\"\n\n[output]\nsummary = "
-             "\"{}\"\n",
-             as.config_block, (own / "tls/server.crt").string(), (own / "tls/server.key").string(), summary.string());
+         fmt::format("config_block = {}\n\n[serve]\ntls_certificate = {}\ntls_key = {}\n\n[output]\nsummary = {}\n",
+                     toml(as.config_block), toml((own / "tls/server.crt").string()),
+                     toml((own / "tls/server.key").string()), toml(summary.string()));
 }
 
 Network::Access Network::access(int organisation, const std::string& user) const {
@@ -294,18 +296,18 @@ class Pair {
       const fs::path config = dir_ / (name + ".toml");
       std::string text = ledger_table(access) +
                          fmt::format("signer = \"{}\"\nblocks = \"{}\"\n", competitor_.signer, competitor_.blocks);
-      if (competitor_.validated) text += fmt::format("config_block = \"{}\"\n", access.config_block);
+      if (competitor_.validated) text += fmt::format("config_block = {}\n", toml(access.config_block));
       for (const std::string& orderer : access.orderers) {
-        text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
+        text += fmt::format("\n[[orderer]]\nendpoint = {}\ntls_ca = {}\n", toml(orderer), toml(access.orderer_tls_ca));
       }
       const auto& peer = access.endorsers.front();
       const auto own = endorsers_.find(endorser_name(name == "a" ? 1 : 2));
       if (own != endorsers_.end()) text += endorser_table(access.msp_id, own->second, peer.tls_ca);
       text += endorser_table(access.msp_id, peer.endpoint, peer.tls_ca);
       if (competitor_.endorser == Competitor::Endorser::within)
-        text += fmt::format("\n[own_endorser]\nmsp_dir = \"{}\"\nsummary = \"{}\"\n",
-                            (network_.endorser_dir(name == "a" ? 1 : 2) / "msp").string(),
-                            (dir_ / (name + "-endorser.json")).string());
+        text += fmt::format("\n[own_endorser]\nmsp_dir = {}\nsummary = {}\n",
+                            toml((network_.endorser_dir(name == "a" ? 1 : 2) / "msp").string()),
+                            toml((dir_ / (name + "-endorser.json")).string()));
       if (auto s = write_file(config, text); !s) return s;
       program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};

@@ -48,7 +48,8 @@ Result<init::ProfilePlan> plan_by_deployment(const Options& options) {
 Result<init::ProfilePlan> plan_by_profile(const Options& options) {
   auto text = read_file(options.profile);
   if (!text) return text.error();
-  auto planned = init::plan_of_profile(*text, options.msp_id, options.host, options.folders, options.channels);
+  auto planned = init::plan_of_profile(*text, options.msp_id, options.host, options.folders, options.channels,
+                                       std::filesystem::absolute(options.profile).parent_path().string());
   if (!planned) return planned.error();
   auto drones = init::drones_of(options.drones);
   if (!drones) return drones.error();
@@ -89,7 +90,8 @@ void role_options(CommandLine& line, Options& options) {
       .one_of(std::vector<std::string>(init::roles.begin(), init::roles.end()));
   line.option("--deployment", options.deployment, "deployment.toml: hosts, drones, ledger").existing_file();
   line.option("--profile", options.profile, "connection profile of Fabric (JSON), in place of --deployment")
-      .existing_file();
+      .existing_file()
+      .utf8_path();
   line.option("--host", options.host, "which [[host]] of the deployment this is");
   line.option("--msp-id", options.msp_id, "with --profile: the own organisation");
   line.option("--drone", options.drones, "with --profile: NAME, or NAME=ADDRESS of one that this host flies")
@@ -101,18 +103,24 @@ void role_options(CommandLine& line, Options& options) {
       .one_at_a_time();
   line.flag("--direct", options.direct,
             "with --profile: past the gateway, where the contract's policy is not a majority's");
-  line.option("--out", options.out, "where the configs are written, and the files that they name lie").shows_default();
+  line.option("--out", options.out, "where the configs are written, and the files that they name lie")
+      .utf8_path()
+      .shows_default();
   line.option("--state-dir", options.folders.state,
-              "where programs keep what they remember; without: their services' own, below /var/lib");
-  line.option("--msp-dir", options.folders.msp_dir, "of the identity; without: OUT/msp");
-  line.option("--tls-ca", options.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem");
+              "where programs keep what they remember; without: their services' own, below /var/lib")
+      .utf8_path();
+  line.option("--msp-dir", options.folders.msp_dir, "of the identity; without: OUT/msp").utf8_path();
+  line.option("--tls-ca", options.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem")
+      .utf8_path();
   line.option("--tls-certificate", options.folders.tls_certificate,
-              "that programs show where the ledger asks for one (mutual TLS); the identity's own will do");
-  line.option("--tls-key", options.folders.tls_key, "of --tls-certificate");
+              "that programs show where the ledger asks for one (mutual TLS); the identity's own will do")
+      .utf8_path();
+  line.option("--tls-key", options.folders.tls_key, "of --tls-certificate").utf8_path();
   line.option("--tls-client-ca", options.client_authorities,
               "with --role ledger: an authority whose certificates the embedded ledger asks its clients for")
-      .one_at_a_time();
-  line.option("--config-block", options.folders.config_block, "trust anchor; without: OUT/CHANNEL.block");
+      .one_at_a_time()
+      .utf8_path();
+  line.option("--config-block", options.folders.config_block, "trust anchor; without: OUT/CHANNEL.block").utf8_path();
   line.option("--batch-timeout", options.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
       .within(0.0, 60'000.0)
       .shows_default();

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/file.hpp"
+#include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
@@ -35,14 +36,18 @@ fs::path programs_directory() {
 }
 
 // build/PRESET/bin/ledgerline-fly -> build/runs/TIME; elsewhere: ./runs/TIME.
-fs::path default_run_directory() {
+Result<fs::path> default_run_directory() {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
   localtime_r(&now, &local);
   char name[64];
   std::strftime(name, sizeof name, "%Y%m%d-%H%M%S", &local);
   const fs::path build = own_directory().parent_path().parent_path();
-  return (build.filename() == "build" ? build : fs::current_path()) / "runs" / name;
+  if (build.filename() == "build") return build / "runs" / name;
+  std::error_code error;
+  const fs::path here = fs::current_path(error);
+  if (error) return Error{"the working folder: " + error.message()};
+  return here / "runs" / name;
 }
 
 int fail(const std::string& what) {
@@ -100,24 +105,29 @@ int fly_and_report(const launcher::Options& options, const launcher::RunFiles& f
   std::cout.flush();
   if (!results.ok) return fail(results.why);
   if (!written) return fail(written.error().message);
-  return std::cout ? EXIT_SUCCESS : EXIT_FAILURE;
+  return std::cout ? EXIT_SUCCESS
+                   : fail("standard output took less than the whole report: no room, or nobody reads it");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  report_uncaught_file_errors();
   const launcher::ParsedOptions asked = launcher::parse_command_line({argv + 1, argv + argc});
   if (!asked.fly) {
     (asked.exit_code == 0 ? std::cout : std::cerr) << asked.text;
     return asked.exit_code;
   }
-  launcher::RunFiles files{
-      fs::absolute(asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out))};
+  const Result<fs::path> out = asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out);
+  if (!out) return fail(out.error().message);
+  launcher::RunFiles files{fs::absolute(*out)};
+  if (const std::string problem = utf8_path_problem(files.directory); !problem.empty())
+    return fail("--out: " + problem);
   const auto lock =
       launcher::RunLock::acquire(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
   if (!lock) return fail(lock.error().message);
 
-  std::vector<std::string> notes;
+  std::vector<std::string> notes = asked.options.notes;
   const auto problems = launcher::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
   const char* uri = std::getenv("CYCLONEDDS_URI");
   if (uri && *uri && asked.options.cyclonedds.empty())

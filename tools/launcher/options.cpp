@@ -68,7 +68,8 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
       .one_at_a_time();
   line.option("--controller", o.controller,
               "A shared library that steers along the path in the place of ground's own controller (docs/faults.md)")
-      .existing_file();
+      .existing_file()
+      .utf8_path();
   line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
   line.option("--pose", o.pose,
               "Who says where the drones are: motion capture, each drone's own velocities and heights, or these while\n"
@@ -107,6 +108,7 @@ void add_deployment_options(CommandLine& line, Options& o, Words& words) {
               "[[host]]\n"
               "drones that are there already, real ones, and their fence (docs/fly.md)")
       .existing_file()
+      .utf8_path()
       .excludes(drones)
       .excludes(ledger)
       .excludes(orderers);
@@ -175,7 +177,8 @@ void add_run_options(CommandLine& line, Options& o) {
               "--dds", o.cyclonedds,
               "File of Cyclone DDS's own configuration; without it DDS stays on this machine, whatever CYCLONEDDS_URI "
               "says")
-          .existing_file();
+          .existing_file()
+          .utf8_path();
   line.option("--ros-release", o.ros_release,
               "ROS 2's release on this machine: how its nodes are met here and how ours are announced (default: "
               "ROS_DISTRO's form)")
@@ -183,7 +186,7 @@ void add_run_options(CommandLine& line, Options& o) {
       .excludes(dds_file);
   line.option("--seed", o.seed, "Of wind and sensor noise").shows_default();
   line.option("--json", o.json, "Write the figures to this file, as one JSON object");
-  line.option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)");
+  line.option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)").utf8_path();
 }
 
 std::size_t different(const std::vector<std::string>& names) {
@@ -256,7 +259,7 @@ Status check_together(const CommandLine& line, const Options& o) {
 }
 
 /// One word of --task.
-Status apply_task_word(const std::string& word, DroneTask& task) {
+Status apply_task_word(const std::string& word, DroneTask& task, std::vector<std::string>& notes) {
   const auto equals = word.find('=');
   const std::string key = word.substr(0, equals), value = equals == std::string::npos ? "" : word.substr(equals + 1);
   if (key == "shape") {
@@ -264,7 +267,10 @@ Status apply_task_word(const std::string& word, DroneTask& task) {
     if (!course) return course.error();
     task.course.shape = course->shape;
     task.course.waypoints = std::move(course->waypoints);
-    task.file = task.course.waypoints.empty() ? "" : std::filesystem::absolute(value).string();
+    if (task.course.waypoints.empty()) return task.file.clear(), done;
+    if (std::string problem = utf8_path_problem(value); !problem.empty()) return Error{std::move(problem)};
+    task.file = std::filesystem::absolute(value).string();
+    if (!course->note.empty()) notes.push_back(std::move(course->note));
     return done;
   }
   double number = 0;
@@ -295,7 +301,7 @@ Status apply_tasks(const Words& words, Options& o) {
     if (drone > o.drones) return Error{fmt::format("--task: \"{}\" names none of the {} drones", text, o.drones)};
     DroneTask task = task_of(o, drone);
     while (in >> word) {
-      if (auto taken = apply_task_word(word, task); !taken) return Error{"--task: " + taken.error().message};
+      if (auto taken = apply_task_word(word, task, o.notes); !taken) return Error{"--task: " + taken.error().message};
     }
     o.tasks[drone] = std::move(task);
   }
@@ -309,7 +315,12 @@ Status apply_path(const Words& words, Options& o) {
   if (!course) return Error{"--shape: " + course.error().message};
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);
-  if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(words.shape);
+  if (!o.waypoints.empty()) {
+    if (const std::string problem = utf8_path_problem(words.shape); !problem.empty())
+      return Error{"--shape: " + problem};
+    o.course_file = std::filesystem::absolute(words.shape);
+    if (!course->note.empty()) o.notes.push_back(std::move(course->note));
+  }
   if (auto taken = apply_tasks(words, o); !taken) return taken;
   // Own drones stand where their poses say, before take-off.
   if (!o.own) {

@@ -65,8 +65,9 @@ struct Options {
   std::string ros_release;   ///< ROS 2's on this machine; empty: ROS_DISTRO says it
   std::vector<int> domains;  ///< of DDS: that of sim and agent, that of ground; empty: ROS_DOMAIN_ID, else 0
   std::uint64_t seed = 1;
-  std::string json;  ///< file; empty: none
-  std::string out;   ///< directory of the run; empty: chosen by the time
+  std::string json;                  ///< file; empty: none
+  std::string out;                   ///< directory of the run; empty: chosen by the time
+  std::vector<std::string> notes{};  ///< on what was given, for the person who flies
 };
 
 /// Motion capture is simulated.

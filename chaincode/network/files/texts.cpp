@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/lifecycle/lifecycle.hpp"
 
@@ -12,6 +15,15 @@ using identities::domain_of;
 using identities::msp_id_of;
 
 constexpr const char* orderer_msp = "OrdererMSP";
+
+// Plain where it can be; else in quotes, as JSON and YAML have them alike.
+std::string yaml_text(const std::string& path) {
+  const bool plain = std::ranges::all_of(path, [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+           std::string_view("/._-@+").find(c) != std::string_view::npos;
+  });
+  return plain ? path : nlohmann::json(path).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
 
 std::string organisation_yaml(const std::string& name, const std::string& msp_dir, const std::string& more) {
   return fmt::format(R"yaml(  - &{0}
@@ -24,7 +36,7 @@ std::string organisation_yaml(const std::string& name, const std::string& msp_di
       Admins: {{Type: Signature, Rule: "OR('{0}.admin')"}}
       Endorsement: {{Type: Signature, Rule: "OR('{0}.peer')"}}
 {2})yaml",
-                     name, msp_dir, more);
+                     name, yaml_text(msp_dir), more);
 }
 
 std::string implicit(const std::string& rule) { return fmt::format("{{Type: ImplicitMeta, Rule: \"{}\"}}", rule); }
@@ -59,8 +71,9 @@ std::string configtx_yaml(const Options& options, const ListenAddresses& places)
     const auto dir = identities::orderer_dir(options.dir, k);
     const ListenAddress& place = places.orderers[static_cast<std::size_t>(k - 1)];
     endpoints += fmt::format("      - {}\n", places.orderer(k));
-    consenters += fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", place.host,
-                              place.port, tls_file(dir, "server.crt"), tls_file(dir, "server.crt"));
+    consenters +=
+        fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", place.host, place.port,
+                    yaml_text(tls_file(dir, "server.crt")), yaml_text(tls_file(dir, "server.crt")));
   }
   organisations += organisation_yaml(orderer_msp, identities::ordering_dir(options.dir) / "msp",
                                      "    OrdererEndpoints:\n" + endpoints);
@@ -170,8 +183,8 @@ std::vector<std::string> peer_environment(const Options& options, const ListenAd
           "CORE_PEER_DELIVERYCLIENT_BLOCKGOSSIPENABLED=false",
           "CORE_PEER_DELIVERYCLIENT_RECONNECTBACKOFFTHRESHOLD=1s",
           "CORE_VM_ENDPOINT=",
-          "CORE_CHAINCODE_EXTERNALBUILDERS=[{name: ccaas, path: " + options.dir +
-              "/builder, propagateEnvironment: [CORE_PEER_TLS_KEY_FILE, CORE_PEER_TLS_CERT_FILE]}]",
+          "CORE_CHAINCODE_EXTERNALBUILDERS=[{name: ccaas, path: " + yaml_text(options.dir + "/builder") +
+              ", propagateEnvironment: [CORE_PEER_TLS_KEY_FILE, CORE_PEER_TLS_CERT_FILE]}]",
           "CORE_OPERATIONS_LISTENADDRESS=127.0.0.1:0",
           "CORE_METRICS_PROVIDER=disabled"};
 }

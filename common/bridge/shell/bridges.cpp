@@ -57,6 +57,8 @@ void warn_of_open_topics(const BridgeConfig& config) {
 Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config,
                                                  const std::vector<fabric::ClientConfig>& ledgers,
                                                  crypto::MspRegistry& trusted, const dds::ParticipantPtr& participant) {
+  if (const Status there = check_folder_of(config.status_file); !there)
+    return Error{"[output] status: " + there.error().message};
   const fabric::ClientConfig& ledger = ledgers.front();
   std::set<std::string> channels;
   for (const Rule& rule : config.rules) {

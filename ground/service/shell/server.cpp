@@ -201,6 +201,7 @@ Result<std::string> read_token(const std::string& file) {
   auto text = read_file(file);
   if (!text) return text.error();
   while (!text->empty() && text->back() == '\n') text->pop_back();
+  if (text->empty()) return Error{file + " is empty: remove it, and a new one is made"};
   if (text->size() != token_digits || text->find_first_not_of("0123456789abcdef") != std::string::npos)
     return Error{file + " must hold 64 hex digits; without the file a new one is made"};
   return text;

@@ -1,5 +1,7 @@
 #include "onboard/agent/core/mocap.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "common/msg/ros.hpp"
@@ -10,10 +12,10 @@ namespace {
 /// Velocity is unknown at the start: a drone flies slower than this (m/s, one sigma).
 constexpr double first_velocity_sigma_mps = 2.0;
 
-bool finite(const MocapPose& m) {
-  return std::isfinite(m.position_m[0]) && std::isfinite(m.position_m[1]) && std::isfinite(m.position_m[2]) &&
-         std::isfinite(m.yaw_rad);
+bool is_finite(const std::array<double, 3>& v) {
+  return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
 }
+bool finite(const MocapPose& m) { return is_finite(m.position_m) && std::isfinite(m.yaw_rad); }
 
 }  // namespace
 
@@ -104,15 +106,24 @@ constexpr double norm_slack = 0.05;  // of the squared norm: mocap systems round
 
 double squared_norm(const std::array<double, 4>& q) { return q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]; }
 
+// Not a number is not near 1, either.
+bool is_unit(const std::array<double, 4>& q) { return std::abs(squared_norm(q) - 1) < norm_slack; }
+
 }  // namespace
 
 double MocapIntake::norm(const MocapMessage& message) { return std::sqrt(squared_norm(message.orientation)); }
 
+Status MocapIntake::check_numbers(const std::array<double, 3>& position_m, const std::array<double, 4>& orientation) {
+  if (!is_finite(position_m)) return Error{"its position is not a number"};
+  if (!is_unit(orientation))
+    return Error{fmt::format("its orientation has the length {:.2f}, not 1", std::sqrt(squared_norm(orientation)))};
+  return done;
+}
+
 std::optional<MocapPose> MocapIntake::check(const MocapMessage& message) {
   const auto stamp_ns = stamps_of_this_host_ ? clock_.stamp(message.source_real_ns, message.arrived_ns)
                                              : std::optional(message.arrived_ns);
-  // Not a number is not near 1, either.
-  if (!stamp_ns || !(std::abs(squared_norm(message.orientation) - 1) < norm_slack)) return std::nullopt;
+  if (!stamp_ns || !is_unit(message.orientation)) return std::nullopt;
   return MocapPose{*stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)};
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/result.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/clock.hpp"
 
@@ -113,6 +114,10 @@ class MocapIntake {
 
   /// The pose on this host's clock; nothing where it is not accepted.
   std::optional<MocapPose> check(const MocapMessage& message);
+
+  /// Whether agent makes anything of these numbers: a unit quaternion, as check() has it, and a position that is
+  /// finite, as Fusion has it. For a preflight; the error says what is wrong.
+  static Status check_numbers(const std::array<double, 3>& position_m, const std::array<double, 4>& orientation);
 
   /// Of the orientation; 1 for one that is accepted.
   static double norm(const MocapMessage& message);

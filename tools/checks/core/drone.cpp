@@ -41,6 +41,7 @@ Finding assess_mocap(const FlightInputs& inputs, const DroneInputs& drone) {
                                  pose.position_m[1], pose.position_m[2]);
   if (!pose.frame.empty()) what += fmt::format(" in \"{}\"", pose.frame);
   if (pose.rate_hz) what += fmt::format(", {:.0f} a second", *pose.rate_hz);
+  if (!pose.fault.empty()) return flag(Problem::pose_refused, check, fmt::format("{}: {}", what, pose.fault));
   if (pose.age_ms > limit_ms || drone.refusal == "pose_lost")
     return flag(Problem::pose_old, check, fmt::format("{}; link takes none older than {:.0f} ms", what, limit_ms));
   if (pose.rate_hz && *pose.rate_hz * limit_ms < poses_in_time * 1000)

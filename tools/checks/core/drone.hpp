@@ -19,6 +19,7 @@ struct PoseInputs {
   std::optional<double> delay_ms{};  ///< the least from stamp to arrival; < 0: stamps of the future. None: not measured
   std::string frame{};               ///< as it names it; empty: not reported
   std::array<double, 3> position_m{};
+  std::string fault{};  ///< for which agent refuses its numbers; empty: none, or nobody looked
 };
 
 struct DroneInputs {

@@ -204,6 +204,9 @@ namespace ledgerline::checks {
   X(pose_silent, broken, "no pose of motion capture comes for a drone that flies by it",                               \
     "start motion capture; `ros2 topic list -t` shows what it publishes, which [mocap] topic and type of agent.toml "  \
     "must say, and [dds] interfaces must reach it; or set [pose] source of link.toml to onboard odometry")             \
+  X(pose_refused, broken, "agent takes no pose with these numbers",                                                    \
+    "let motion capture send nothing while it does not see the drone, and a rigid body of three markers or more: one " \
+    "alone has no orientation")                                                                                        \
   X(pose_old, broken, "the newest pose is older than link takes any",                                                  \
     "look whether motion capture sees the drone: markers, cameras, its own clock")                                     \
   X(pose_rare, warning, "poses of motion capture come rarely", "let motion capture publish more often, 100 a second")  \

@@ -87,11 +87,13 @@ struct ProfilePlan {
 };
 /// Of Fabric's connection profile (JSON): the peers of `msp_id`'s organisation, the first of which is asked, those of
 /// others, and orderers. For a channel of its `channels` it is the first one that it lists there. Authorities that it
-/// has as PEM become files, those that it has as paths are named. `channels`: as add_channels() takes them; where the
-/// profile names several that none of them gives drones to, a bare NAME says which one is the first, else an error
-/// does.
+/// has as PEM (in base64, too) become files, those that it has as paths are named: `profile_folder`, absolute, is what
+/// a relative one counts from. A channel `_default` is every one without an entry of its own. `channels`: as
+/// add_channels() takes them; where the profile names several that none of them gives drones to, a bare NAME says which
+/// one is the first, else an error does.
 Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
-                                    const Directories& folders, const std::vector<std::string>& channels = {});
+                                    const Directories& folders, const std::vector<std::string>& channels = {},
+                                    const std::string& profile_folder = "");
 
 /// admin: the identity that enrols drones and gives grants, from any host.
 enum class Role : std::uint8_t { drone_host, ground, ledger, chaincode, bridge, admin };

@@ -2,10 +2,12 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/channels.hpp"
 #include "tools/init/core/host.hpp"
 
@@ -27,12 +29,34 @@ Result<std::string> endpoint_of(const std::string& name, const std::string& url)
   constexpr std::string_view scheme = "grpcs://";
   if (!url.starts_with(scheme) || url.find(':', scheme.size()) == std::string::npos)
     return Error{fmt::format("{}: url is \"{}\", must be grpcs://HOST:PORT", name, url)};
-  return url.substr(scheme.size());
+  return url.substr(scheme.size(), url.size() - scheme.size() - (url.ends_with('/') ? 1 : 0));
+}
+
+/// Caliper and operators of Kubernetes write a PEM in base64.
+std::string pem_of(const std::string& text) {
+  constexpr const char* begin = "-----BEGIN";
+  if (text.find(begin) != std::string::npos) return text;
+  const auto bytes = crypto::unbase64(text);
+  return bytes && bytes->find(begin) != std::string::npos ? *bytes : text;
+}
+
+/// How test-network and operators write a profile as well: no JSON begins like that.
+bool is_yaml(std::string_view text) {
+  for (std::string_view line; !text.empty(); text.remove_prefix(std::min(text.size(), line.size() + 1))) {
+    line = text.substr(0, text.find('\n'));
+    if (line.starts_with("---")) return true;
+    const std::size_t end = line.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-_");
+    if (end != 0 && end != std::string_view::npos && line[end] == ':') return true;
+    const std::size_t first = line.find_first_not_of(" \t\r");
+    if (first != std::string_view::npos && line[first] != '#') return false;
+  }
+  return false;
 }
 
 class Reader {
  public:
-  Reader(const json& profile, const Directories& folders) : profile_(profile), folders_(folders) {}
+  Reader(const json& profile, const Directories& folders, const std::string& profile_folder)
+      : profile_(profile), folders_(folders), profile_folder_(profile_folder) {}
 
   /// Each of them once, so that its authority is one file.
   Result<Server> server(const char* kind, const std::string& name, const std::string& msp_id) {
@@ -61,11 +85,12 @@ class Reader {
   Result<std::string> authority_of(const json& one, const std::string& name) {
     if (!folders_.tls_ca.empty()) return folders_.tls_ca;
     const json authorities = part(one, "tlsCACerts");
-    if (const std::string path = text(authorities, "path"); !path.empty()) return path;
+    if (const std::string path = text(authorities, "path"); !path.empty())
+      return (std::filesystem::path(profile_folder_) / path).lexically_normal().string();
     const json pem = part(authorities, "pem");
     std::string content;
     for (const json& certificate : pem.is_array() ? pem : json::array({pem}))
-      if (certificate.is_string()) content += certificate.get<std::string>();
+      if (certificate.is_string()) content += pem_of(certificate.get<std::string>());
     if (content.empty()) return Error{fmt::format("{}: tlsCACerts has neither path nor pem", name)};
     if (name.find('/') != std::string::npos) return Error{fmt::format("\"{}\" is no name of a server", name)};
     files_.push_back({folders_.tls_of(name), content});
@@ -74,6 +99,7 @@ class Reader {
 
   const json& profile_;
   const Directories& folders_;
+  const std::string& profile_folder_;
   std::vector<PublicFile> files_;
   std::map<std::pair<std::string, std::string>, Server> servers_;  ///< by kind and name
 };
@@ -112,6 +138,17 @@ Status read_channels(const json& profile, const std::vector<std::string>& own_pe
                      const std::vector<std::string>& wanted, Reader& reader, HostPlan& plan) {
   json channels = part(profile, "channels");
   if (!channels.is_object()) channels = json::object();
+  // What SDKs and operators write for every channel that has no entry of its own.
+  const json of_all = part(part(channels, "_default"), "peers");
+  channels.erase("_default");
+  const auto serves_all = std::find_if(own_peers.begin(), own_peers.end(), [&](const std::string& peer) {
+    return of_all.is_object() && of_all.contains(peer);
+  });
+  if (serves_all != own_peers.end()) {
+    auto server = reader.server("peers", *serves_all, plan.msp_id);
+    if (!server) return server.error();
+    plan.own = std::move(*server);
+  }
   for (const auto& [name, channel] : channels.items()) {
     const json listed = part(channel, "peers");
     if (!listed.is_object()) continue;
@@ -136,11 +173,16 @@ Status read_channels(const json& profile, const std::vector<std::string>& own_pe
 }  // namespace
 
 Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::string& msp_id, const std::string& host,
-                                    const Directories& folders, const std::vector<std::string>& channels) {
+                                    const Directories& folders, const std::vector<std::string>& channels,
+                                    const std::string& profile_folder) {
   const json profile = json::parse(profile_json, nullptr, false);
+  if (profile.is_discarded() && is_yaml(profile_json))
+    return Error{
+        "the profile is YAML, and init reads JSON: convert it, e.g. python3 -c \"import json, sys, yaml; "
+        "json.dump(yaml.safe_load(sys.stdin), sys.stdout)\" < profile.yaml > profile.json"};
   if (!profile.is_object()) return Error{"the profile is no JSON object"};
   HostPlan plan{.host = host, .msp_id = msp_id, .ledger = deployment::LedgerKind::fabric, .folders = folders};
-  Reader reader(profile, folders);
+  Reader reader(profile, folders, profile_folder);
   std::vector<std::string> own_peers;
   const json organisations = part(profile, "organizations");
   for (const json& organisation : organisations.is_object() ? organisations : json::object()) {

@@ -115,6 +115,7 @@ Result<Target> target_of(const Options& options) {
 Result<std::unique_ptr<Station>> open(const Target& target) {
   auto token = read_secret(target.token_file);
   if (!token) return token.error();
+  if (token->empty()) return Error{target.token_file + " is empty: remove it, and ground makes a new one"};
   if (!is_token(*token)) return Error{target.token_file + " must hold 64 hex digits, as ground made it"};
   return Station::open(target.place, {std::move(*token), session_in(target), target.session_file, target.tls});
 }

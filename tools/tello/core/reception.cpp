@@ -3,11 +3,15 @@
 #include <algorithm>
 
 #include "common/base/text.hpp"
+#include "onboard/agent/core/mocap.hpp"
 
 namespace ledgerline::tello {
 
 ReceivedPose ReceivedPose::of(TimeNs arrived_ns, const PoseStamped& pose) {
-  ReceivedPose heard{.arrived_ns = arrived_ns, .stamp_ns = pose.header.stamp_ns, .position_m = pose.position_m};
+  ReceivedPose heard{.arrived_ns = arrived_ns,
+                     .stamp_ns = pose.header.stamp_ns,
+                     .position_m = pose.position_m,
+                     .orientation = pose.orientation};
   pose.header.frame_id.copy(heard.frame.data(), heard.frame.size() - 1);
   return heard;
 }
@@ -50,6 +54,8 @@ void Reception::report(TimeNs now, TimeNs now_real_ns, bool stamps_count, checks
                                   .delay_ms = to_ms(least_delay_ns_),
                                   .frame = printable(pose_.frame.data()),
                                   .position_m = pose_.position_m};
+  if (const Status good = agent::MocapIntake::check_numbers(pose_.position_m, pose_.orientation); !good)
+    drone.pose->fault = good.error().message;
 }
 
 }  // namespace ledgerline::tello

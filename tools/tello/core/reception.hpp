@@ -12,7 +12,8 @@ namespace ledgerline::tello {
 struct ReceivedPose {
   TimeNs arrived_ns = 0, stamp_ns = 0;  ///< real time
   std::array<double, 3> position_m{};
-  std::array<char, 61> frame{};  ///< of its header, cut; ends with a zero
+  std::array<double, 4> orientation{};  ///< x, y, z, w
+  std::array<char, 61> frame{};         ///< of its header, cut; ends with a zero
 
   static ReceivedPose of(TimeNs arrived_ns, const PoseStamped& pose);
 };

@@ -67,5 +67,12 @@ TEST(PrivateFile, IsForItsOwnerOrRootsForAGroupOfOurs) {
   for (const unsigned mode : {0660U, 0450U, 0444U, 0604U, 0601U}) EXPECT_FALSE(is_private(mode, 0, 2000, ours));
 }
 
+TEST(FolderOf, AFileMustBeThere) {
+  for (const char* file : {"", "status.json", "/tmp/status.json"}) EXPECT_TRUE(check_folder_of(file)) << file;
+  const Status none = check_folder_of("/nonexistent/b.json");
+  ASSERT_FALSE(none);
+  EXPECT_EQ(none.error().message, "/nonexistent/b.json: there is no folder /nonexistent");
+}
+
 }  // namespace
 }  // namespace ledgerline

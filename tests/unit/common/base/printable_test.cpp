@@ -30,5 +30,12 @@ TEST(ClearText, LongTextIsCutBetweenCharacters) {
             "1234...");
 }
 
+TEST(Utf8, IsWhatConfigsCanHold) {
+  EXPECT_TRUE(is_utf8(""));
+  EXPECT_TRUE(is_utf8("caf\xc3\xa9 \"\\\n"));
+  EXPECT_FALSE(is_utf8("caf\xe9"));
+  EXPECT_FALSE(is_utf8("caf\xc3"));
+}
+
 }  // namespace
 }  // namespace ledgerline

@@ -211,5 +211,12 @@ TEST(ExitDeathTest, AThreadThatIsJustEndingLosesNothing) {
       ::testing::ExitedWithCode(0), "");
 }
 
+TEST(Base64, IsDecodedOrRefused) {
+  EXPECT_EQ(unbase64("YQ=="), "a");
+  EXPECT_EQ(unbase64("YWI=\n"), "ab");
+  EXPECT_EQ(unbase64("YWJj\r\nYWJj"), "abcabc");
+  for (const char* none : {"", "YQ", "-----BEGIN A-----", "Y$=="}) EXPECT_FALSE(unbase64(none)) << none;
+}
+
 }  // namespace
 }  // namespace ledgerline::crypto

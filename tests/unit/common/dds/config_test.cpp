@@ -170,10 +170,20 @@ TEST(DdsConfig, AnInterfaceThatCannotBeUsedIsNamedWithItsCure) {
   EXPECT_EQ(alone.error().message, "DDS: the network interface 'lo' is down; run: ip link set lo up");
 }
 
+TEST(DdsConfig, TheLastDomainHasRoomForThoseWhosePortsArePorts) {
+  EXPECT_THAT(*reach_with("local_only = true\ndomain = 231").cyclone_config,
+              HasSubstr("<MaxAutoParticipantIndex>119<"));
+  EXPECT_THAT(*reach_with("local_only = true\ndomain = 232").cyclone_config, HasSubstr("<MaxAutoParticipantIndex>62<"));
+  EXPECT_THAT(why_no_domain(232, "free participant index"), HasSubstr("room for 63 programs"));
+}
+
 TEST(DdsConfig, ADomainThatDoesNotStartReportsWhy) {
   const std::string full = why_no_domain(3, "Failed to find a free participant index for domain 3");
   EXPECT_THAT(full, HasSubstr("have taken every participant's ports of this domain (UDP, from 8160; "));
   EXPECT_THAT(full, HasSubstr("room for 120 programs"));
+  EXPECT_THAT(why_no_domain(0, "", "CYCLONEDDS_URI file:///two.xml"),
+              HasSubstr("look at CYCLONEDDS_URI file:///two.xml: its XML must have one root, <CycloneDDS>"));
+  EXPECT_EQ(why_no_domain(0, ""), "DDS domain 0 does not start: Cyclone DDS does not say why");
   EXPECT_EQ(why_no_domain(0, "nix: unknown element"), "DDS domain 0 does not start: nix: unknown element");
 }
 

@@ -2,6 +2,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 
 #include "common/program/program.hpp"
 
@@ -165,6 +170,51 @@ TEST(ACommandLineWithVerbs, MayDoWithoutOne) {
   EXPECT_FALSE(line.read({"stop", "tello1", "--json"}));
   EXPECT_TRUE(stop.is_given() && json);
   EXPECT_TRUE(line.read({"land"}));
+}
+
+TEST(AProgram, RefusesAPathThatConfigsCannotHoldByTheNameOfItsOption) {
+  std::string out;
+  CommandLine line("fly", "", "");
+  line.option("--out", out, "").utf8_path();
+  EXPECT_FALSE(line.read({"--out", "my \"new\" run\\caf\xc3\xa9"}));
+  const auto end = line.read({"--out", "/tmp/caf\xe9"});
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, exit_usage);
+  EXPECT_THAT(end->text, HasSubstr("--out: /tmp/caf? is no UTF-8"));
+}
+
+// In a process of its own: its working folder goes.
+void enter_a_folder_that_goes() {
+  char folder[] = "/tmp/ledgerline-gone-XXXXXX";
+  if (::mkdtemp(folder) == nullptr || ::chdir(folder) != 0 || ::rmdir(folder) != 0) std::_Exit(99);
+}
+
+TEST(AProgram, EndsWithAnErrorWhereItsWorkingFolderIsGone) {
+  const auto run = [] {
+    report_uncaught_file_errors();
+    enter_a_folder_that_goes();
+    []() noexcept { (void)std::filesystem::absolute("run1"); }();
+  };
+  EXPECT_EXIT(run(), testing::ExitedWithCode(exit_failed), "error: .*: No such file or directory");
+}
+
+TEST(AProgram, NamesTheOptionWhosePathCountsFromAWorkingFolderThatIsGone) {
+  const auto run = [] {
+    enter_a_folder_that_goes();
+    std::fputs((utf8_path_problem("run1") + "|" + utf8_path_problem("/tmp/run1")).c_str(), stderr);
+    std::_Exit(0);
+  };
+  EXPECT_EXIT(run(), testing::ExitedWithCode(0), "the working folder: No such file or directory\\|$");
+}
+
+TEST(AProgram, EndsWithAnErrorWhereItsOutputIsFull) {
+  const auto run = [] {
+    if (std::freopen("/dev/full", "w", stdout) == nullptr) std::_Exit(99);
+    report_lost_output();
+    print_line("a result");
+    std::exit(0);
+  };
+  EXPECT_EXIT(run(), testing::ExitedWithCode(exit_failed), "error: standard output took less");
 }
 
 }  // namespace

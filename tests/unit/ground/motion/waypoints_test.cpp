@@ -44,6 +44,16 @@ TEST(Course, ABadLineIsNamedWithWhatIsAllowed) {
   EXPECT_THAT(refused(many), HasSubstr("way.csv:501: more than 500 points"));
 }
 
+TEST(Waypoints, OfFourWholeNumbersAreNotedAsMaybeOfDecimalCommas) {
+  const auto note = [](const std::string& text) { return decimal_comma_note(text, "way.csv"); };
+  EXPECT_EQ(note("0,0,1,1\n1,5,1,5\n3,0,1,5\n"),
+            "way.csv:1: read as x 0, y 0, z 1 m and 1 m/s; if 0,0 and 1,1 are meant, write points: 0.0,1.1");
+  EXPECT_THAT(note("# mine\n-1,5,1,5\r\n"), HasSubstr("way.csv:2: read as x -1, y 5, z 1 m and 5 m/s"));
+  for (const char* plain : {"0,0\n1,0\n1,1\n", "0,0,1\n1,0,1\n", "0,0,1,1\n1,0,1,0.5\n", "0,0,,1\n1,0,1,1\n", "",
+                            "x,y,z,speed\n0,0,1,1\n", "0,0,1,1\n1,1\n"})
+    EXPECT_EQ(note(plain), "") << plain;
+}
+
 TEST(Course, TheEightIsAsWideAsItsSideHalfAsHighAndCrossesItself) {
   const auto points = waypoints_of(Shape::eight, 2);
   Eigen::Vector2d least(1e9, 1e9), most(-1e9, -1e9);

@@ -553,6 +553,8 @@ TEST(StationToken, IsMadeOnceForItsOwnerAloneAndAnOpenOneIsRefused) {
   EXPECT_THAT(open.error().message, HasSubstr("chmod 600"));
   ASSERT_TRUE(replace_file(file, "short", 0600));
   EXPECT_FALSE(read_token(file));
+  ASSERT_TRUE(replace_file(file, "", 0600));
+  EXPECT_THAT(read_token(file).error().message, HasSubstr("is empty: remove it, and a new one is made"));
   EXPECT_FALSE(read_token(""));
 }
 

@@ -82,6 +82,13 @@ TEST(PreflightCheck, AnotherDroneAtItsAddressIsNamed) {
   expect(inputs, "drone", Severity::ok, "10.0.0.1", "");
 }
 
+TEST(PreflightCheck, APoseThatAgentRefusesIsNoPose) {
+  FlightInputs inputs = good();
+  inputs.drones[0].pose->fault = "its orientation has the length 0.00, not 1";
+  expect(inputs, "pose", Severity::broken, "100 a second: its orientation has the length 0.00",
+         "three markers or more");
+}
+
 TEST(PreflightCheck, ABatteryIsEnoughLowOrTooLow) {
   FlightInputs inputs = good();
   inputs.drones[0].battery = 0.4;

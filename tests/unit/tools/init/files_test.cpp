@@ -369,6 +369,47 @@ std::string first_channel(const std::string& channels, const std::vector<std::st
   return planned ? planned->plan.channel : planned.error().message;
 }
 
+TEST(InitProfile, TakesDefaultAsAllChannels) {
+  EXPECT_EQ(first_channel(R"({"_default": {"peers": {"p": {}}}})"), "teleop");
+  EXPECT_EQ(first_channel(R"({"_default": {"peers": {"p": {}}}})", {"mychannel"}), "mychannel");
+  EXPECT_EQ(first_channel(R"({"_default": {}, "mychannel": {}})"), "mychannel");
+  std::string of_two = profile_of_two_channels;
+  of_two.replace(of_two.find("\"yard\""), 6, "\"_default\"");
+  const auto planned = plan_of_profile(of_two, "Org1MSP", "", Directories{}, {"teleop"});
+  ASSERT_TRUE(planned) << planned.error().message;
+  EXPECT_EQ(planned->plan.own_of("teleop").endpoint, "a:7051");
+  EXPECT_EQ(planned->plan.own_of("pond").endpoint, "b:7051");
+}
+
+/// The authority of a profile's one peer: its path, and its content if it became a file.
+std::string authority(const std::string& url, const std::string& tls_ca_certs) {
+  const auto planned =
+      plan_of_profile(R"({"organizations": {"Org1": {"mspid": "Org1MSP", "peers": ["p"]}}, "peers": {"p": {"url": ")" +
+                          url + R"(", "tlsCACerts": )" + tls_ca_certs + "}}}",
+                      "Org1MSP", "", Directories{}, {}, "/home/ann/net");
+  if (!planned) return planned.error().message;
+  return planned->plan.own.endpoint + " " + planned->plan.own.tls_ca + " " +
+         (planned->files.empty() ? "" : planned->files[0].content);
+}
+
+TEST(InitProfile, CountsPathsFromItsFolderAndDecodesBase64) {
+  EXPECT_EQ(authority("grpcs://p:7051", R"({"path": "../ca/tls.pem"})"), "p:7051 /home/ann/ca/tls.pem ");
+  EXPECT_EQ(authority("grpcs://p:7051/", R"({"path": "/net/tls.pem"})"), "p:7051 /net/tls.pem ");
+  const std::string pem = "p:7051 /etc/ledgerline/tls/p.pem -----BEGIN A-----\n";
+  EXPECT_EQ(authority("grpcs://p:7051", R"({"pem": "LS0tLS1CRUdJTiBBLS0tLS0K"})"), pem);
+  EXPECT_EQ(authority("grpcs://p:7051", R"({"pem": ["LS0tLS1CRUdJ\nTiBBLS0tLS0K\n"]})"), pem);
+}
+
+TEST(InitProfile, RefusesYamlByItsName) {
+  const auto refused = [](const std::string& text) {
+    return plan_of_profile(text, "Org1MSP", "", Directories{}).error().message;
+  };
+  for (const std::string text : {"organizations:\n  Org1:\n", "---\nname: n\n", "# of test-network\n\nx-type: a\n"})
+    EXPECT_THAT(refused(text), HasSubstr("is YAML, and init reads JSON: convert it")) << text;
+  for (const std::string text : {"", "{", "# x", "{\"a\": 1", "text"})
+    EXPECT_THAT(refused(text), HasSubstr("no JSON object"));
+}
+
 TEST(InitProfile, HasTheChannelThatTheProfileNames) {
   EXPECT_EQ(first_channel("{}"), "teleop") << "it names none";
   EXPECT_EQ(first_channel("null"), "teleop");
@@ -440,7 +481,7 @@ TEST(InitCommented, RefusesAValueOfAKeyThatNobodyReads) {
 }
 
 TEST(InitCommented, WritesTextsThatTomlReadsBack) {
-  for (const std::string text : {"raven", "a \"b\" \\ c", ""}) {
+  for (const std::string text : {"raven", "a \"b\" \\ c", "a\n\t\x7f\x01z", "caf\xc3\xa9", ""}) {
     auto config = Config::parse("key = " + configuration::toml(text), "");
     EXPECT_EQ(config->text("key"), text);
   }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 
 #include "common/base/file.hpp"
 
@@ -328,6 +329,26 @@ TEST(FlyOptions, DurationsHaveUnitsOrAreMilliseconds) {
   for (const char* wrong : {"", "ms", "10 years", "-5ms", "0", "61s", "10msx", "nan", "1e99s"}) {
     EXPECT_FALSE(parse_duration(wrong)) << wrong;
   }
+}
+
+TEST(FlyOptions, PathsThatConfigsCannotHoldAreRefusedAtTheStart) {
+  expect_refused({"--out", "/tmp/caf\xe9"}, "--out: /tmp/caf? is no UTF-8");
+  const std::string file = testing::TempDir() + "caf\xe9.csv";
+  ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
+  expect_refused({"--shape", file}, "--shape: ");
+  expect_refused({"--shape", file}, "is no UTF-8");
+  expect_refused({"--task", "tello1 shape=" + file}, "is no UTF-8");
+  std::remove(file.c_str());
+}
+
+TEST(FlyOptions, NotesAPathThatMayHaveDecimalCommas) {
+  const std::string file = testing::TempDir() + "/commas.csv";
+  ASSERT_TRUE(write_file(file, "0,0,1,1\n1,2,1,1\n3,0,1,1\n"));
+  const auto noted = parse_command_line({"--shape", file, "--task", "tello1 shape=" + file});
+  ASSERT_EQ(noted.options.notes.size(), 2u) << noted.text;
+  EXPECT_THAT(noted.options.notes[0], HasSubstr("commas.csv:1: read as x 0"));
+  ASSERT_TRUE(write_file(file, "0,0,1,1\n1,0.5,1,1\n3,0,1,1\n"));
+  EXPECT_TRUE(parse_command_line({"--shape", file}).options.notes.empty());
 }
 
 }  // namespace

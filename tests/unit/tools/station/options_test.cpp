@@ -95,6 +95,8 @@ TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
   EXPECT_THAT(open(target).error().message, HasSubstr("chmod 600"));
   ASSERT_TRUE(replace_file(target.token_file, "too short\n", 0600));
   EXPECT_THAT(open(target).error().message, HasSubstr("64 hex digits"));
+  ASSERT_TRUE(replace_file(target.token_file, "", 0600));
+  EXPECT_THAT(open(target).error().message, HasSubstr("token is empty: remove it"));
   ASSERT_TRUE(replace_file(target.token_file, std::string(64, 'a') + "\n", 0600));
   EXPECT_TRUE(open(target));
 }

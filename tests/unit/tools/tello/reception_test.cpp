@@ -79,5 +79,19 @@ TEST(PreflightListening, AFramesNameIsShortAndPrintable) {
   EXPECT_EQ(drone.pose->frame, "?[2J" + std::string(56, 'x'));
 }
 
+TEST(PreflightListening, APoseThatAgentRefusesHasItsFault) {
+  Reception reception;
+  reception.on_pose(pose_of(real_ns, real_ns));
+  checks::DroneInputs drone;
+  reception.report(real_ns, real_ns, true, drone);
+  EXPECT_EQ(drone.pose->fault, "");
+  PoseStamped zeros;
+  zeros.header = {real_ns, "map"};
+  zeros.orientation = {};
+  reception.on_pose(ReceivedPose::of(real_ns, zeros));
+  reception.report(real_ns, real_ns, true, drone);
+  EXPECT_EQ(drone.pose->fault, "its orientation has the length 0.00, not 1");
+}
+
 }  // namespace
 }  // namespace ledgerline::tello

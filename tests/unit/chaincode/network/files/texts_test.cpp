@@ -61,5 +61,15 @@ TEST_F(TextsTest, BurstsAreLongerThanFabricsDefaults) {
   EXPECT_THAT(configtx_yaml(options, places()), HasSubstr("MaxInflightBlocks: 50,"));
 }
 
+TEST_F(TextsTest, AFolderWithQuotesAndBackslashesIsOneText) {
+  options.dir = R"(/my "new", run\x)";
+  EXPECT_THAT(configtx_yaml(options, places()),
+              HasSubstr(R"(    MSPDir: "/my \"new\", run\\x/crypto/ordererOrganizations/)"));
+  EXPECT_THAT(peer_environment(options, places(), 1),
+              Contains(HasSubstr(R"([{name: ccaas, path: "/my \"new\", run\\x/builder", propagateEnvironment: [)")));
+  options.dir = "/net";
+  EXPECT_THAT(configtx_yaml(options, places()), HasSubstr("    MSPDir: /net/crypto/ordererOrganizations/"));
+}
+
 }  // namespace
 }  // namespace ledgerline::network

@@ -53,5 +53,15 @@ TEST(MocapIntake, AStampThatCannotBeIsNotTrustedUnlessArrivalCounts) {
   }
 }
 
+TEST(MocapIntake, SaysWhichNumbersItRefuses) {
+  const double nan = std::nan("");
+  EXPECT_TRUE(MocapIntake::check_numbers({1, 2, 3}, {0, 0, 0, 1}));
+  EXPECT_TRUE(MocapIntake::check_numbers({1, 2, 3}, {0, 0, 0, 1.01}));
+  EXPECT_EQ(MocapIntake::check_numbers({1, nan, 3}, {0, 0, 0, 1}).error().message, "its position is not a number");
+  EXPECT_EQ(MocapIntake::check_numbers({}, {0, 0, 0, 2}).error().message, "its orientation has the length 2.00, not 1");
+  EXPECT_EQ(MocapIntake::check_numbers({}, {}).error().message, "its orientation has the length 0.00, not 1");
+  EXPECT_FALSE(MocapIntake::check_numbers({}, {0, 0, nan, 1}));
+}
+
 }  // namespace
 }  // namespace ledgerline::agent
