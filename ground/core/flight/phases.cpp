@@ -34,6 +34,7 @@ bool may_take_off(const StateSample& state, bool manual) {
   switch (state.cause) {
     case FailsafeCause::none:
     case FailsafeCause::stopped:
+    case FailsafeCause::takeoff_refused_by_drone:  // it may accept the next one
       return true;
     case FailsafeCause::pose_lost:
     case FailsafeCause::velocity_lost:
@@ -112,10 +113,12 @@ Status Phases::take_off(TimeNs now, bool ending) {
 Status Phases::check_takeoff(TimeNs now) {
   const StateSample& s = seen_.state;
   const bool stands = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
-  if (status_.phase != DronePhase::takeoff || !config_.manual || flew_ || !stands || may_take_off(s, false) ||
+  const bool accepted = may_take_off(s, false) && s.cause != FailsafeCause::takeoff_refused_by_drone;
+  if (status_.phase != DronePhase::takeoff || !config_.manual || flew_ || !stands || accepted ||
       s.arrived_ns - asked_ns_ < refused_for_ns)
     return done;
   enter(now, DronePhase::waiting);
+  if (s.cause == FailsafeCause::takeoff_refused_by_drone) return Error{words_for(s.cause)};
   const bool of_pose = s.cause == FailsafeCause::pose_lost || s.cause == FailsafeCause::position_uncertain;
   return Error{fmt::format("link refuses it ({}{})", words_for(s.cause),
                            of_pose ? "; where its by_hand_without_pose is set a pilot does without" : "")};

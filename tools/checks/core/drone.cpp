@@ -93,6 +93,7 @@ std::optional<Finding> assess_refusal(const DroneInputs& drone) {
       {"too_near", "put the drones further apart"},
       {"other_client",
        "end the other program that commands it: link of another host with its address, or `ledgerline tello`"},
+      {"takeoff_refused_by_drone", "link's log has the drone's own words; wait 10 s, and try it again"},
       {"fence", "put it inside the fence, or let [fence] be the room's"}};
   for (const char* elsewhere :
        {"", "none", "battery_low", "pose_lost", "velocity_lost", "height_lost", "position_uncertain"})
