@@ -206,6 +206,8 @@ Finding assess_battery(const DroneInputs& drone, double battery_low) {
 std::optional<Finding> assess_state(const DroneInputs& drone, const std::string& listen) {
   constexpr const char* check = "state";
   if (!drone.state_hz) return std::nullopt;
+  if (*drone.state_hz == 0 && !drone.unreadable.empty())
+    return flag(Problem::state_unreadable, check, fmt::format("\"{}\" at {}", drone.unreadable, listen));
   if (*drone.state_hz == 0)
     return flag(Problem::state_silent, check, "none at " + listen,
                 cure_of(Problem::state_silent, "8890", listen.substr(listen.rfind(':') + 1)));

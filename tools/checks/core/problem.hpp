@@ -194,6 +194,8 @@ namespace ledgerline::checks {
     "the drone answers commands, and none of its state texts arrives: a firewall drops their UDP port",                \
     "let the port through at this host: `iptables -I INPUT -p udp --dport 8890 -j ACCEPT`, `ufw allow 8890/udp` or "   \
     "`firewall-cmd --add-port=8890/udp`, whichever firewall it has; end every other program that speaks to the drone") \
+  X(state_unreadable, broken, "texts come from the drone where its state texts should, and are not understood",        \
+    "a Tello's has `bat:87;h:0;tof:10;`: is it a Tello at that address? Then give it DJI's newest firmware")           \
   X(state_rare, warning, "fewer state texts arrive than the ten a second of a Tello",                                  \
     "go nearer, or to a Wi-Fi channel that nobody else has")                                                           \
   X(battery_low, broken, "link takes off only above battery_low", "charge or change the battery")                      \

@@ -167,6 +167,10 @@ TEST(DoctorHost, TellsADroneWhoseStatesAreDroppedFromOneThatIsSilent) {
   const Finding dropped = assess_state(inputs, "0.0.0.0:8891").value();
   EXPECT_EQ(dropped.problem, Problem::state_silent);
   EXPECT_THAT(dropped.cure, HasSubstr("`iptables -I INPUT -p udp --dport 8891 -j ACCEPT`"));
+  inputs.unreadable = "bat: 87;";
+  const Finding unreadable = assess_state(inputs, "0.0.0.0:8891").value();
+  EXPECT_EQ(unreadable.problem, Problem::state_unreadable) << "no firewall is to blame";
+  EXPECT_THAT(unreadable.what, HasSubstr("\"bat: 87;\""));
   EXPECT_THAT(assess_battery(inputs, 0.15).what, HasSubstr("90 %"));
   inputs.there = false;
   EXPECT_EQ(assess_presence(inputs).problem, Problem::drone_silent);
