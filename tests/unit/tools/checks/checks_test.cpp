@@ -259,6 +259,27 @@ TEST_F(DoctorEndorsement, OfAGatewaySaysWhatItMustFind) {
   EXPECT_THAT(finding.cure, HasSubstr("start a peer of Org2MSP that has joined the channel"));
 }
 
+TEST(DoctorHost, SaysOfSharedMemoryWhatKeepsRoudiFromStartingAndWhoElseMayWriteIt) {
+  using Roudi = SharedMemoryInputs::Roudi;
+  SharedMemoryInputs inputs{.roudi = Roudi::alive, .program = "ledgerline-roudi"};
+  ASSERT_EQ(assess(inputs).size(), 1U);
+  EXPECT_FALSE(assess(inputs)[0].problem);
+  inputs.not_writable = "mode 755";
+  inputs.group_unusable = "domain users";
+  EXPECT_EQ(assess(inputs).size(), 1U) << "it runs, so another user's group counts";
+  inputs.roudi = Roudi::none;
+  const Findings place = assess_place(inputs);
+  ASSERT_EQ(place.size(), 2U);
+  EXPECT_EQ(place[0].problem, Problem::roudi_group);
+  EXPECT_EQ(place[1].problem, Problem::shm_not_writable);
+  EXPECT_EQ(assess(inputs).size(), 3U) << "and nobody answers";
+  SharedMemoryInputs shared{.roudi = Roudi::alive, .group_shared = "group users has other users (u2)"};
+  EXPECT_EQ(assess(shared).at(0).problem, Problem::roudi_group_shared);
+  EXPECT_EQ(assess(shared).at(0).severity, Severity::warning);
+  shared.by_unit = true;
+  EXPECT_FALSE(assess(shared).at(0).problem) << "not the group of who asks";
+}
+
 TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {
   const Finding taken = assess(PortInputs{.listen = "0.0.0.0:8890", .taken = true, .program = "python3", .pid = 7});
   EXPECT_EQ(taken.problem, Problem::state_port_taken);
