@@ -19,12 +19,29 @@ constexpr const char* name(FailsafeMode mode) noexcept {
 }
 
 constexpr const char* name(FailsafeCause cause) noexcept {
-  return name_of(
-      cause, std::array{"none",           "plan_ran_out",     "held_too_long", "agent_silent",       "ledger_silent",
-                        "state_stale",    "pose_lost",        "fence",         "battery_low",        "battery_critical",
-                        "stopped",        "ledger_untrusted", "velocity_lost", "position_uncertain", "motion_differs",
-                        "tilted",         "overturned",       "too_near",      "height_lost",        "other_client",
-                        "sources_differ", "check_failed"});
+  return name_of(cause, std::array{"none",
+                                   "plan_ran_out",
+                                   "held_too_long",
+                                   "agent_silent",
+                                   "ledger_silent",
+                                   "state_stale",
+                                   "pose_lost",
+                                   "fence",
+                                   "battery_low",
+                                   "battery_critical",
+                                   "stopped",
+                                   "ledger_untrusted",
+                                   "velocity_lost",
+                                   "position_uncertain",
+                                   "motion_differs",
+                                   "tilted",
+                                   "overturned",
+                                   "too_near",
+                                   "height_lost",
+                                   "other_client",
+                                   "sources_differ",
+                                   "check_failed",
+                                   "takeoff_refused_by_drone"});
 }
 
 /// The same in a sentence: "its failsafe landed it: ...".
@@ -50,7 +67,8 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "its height above the ground is lost (tof sees nothing)",
                              "another client commands it as well",
                              "the sources of its position contradict each other",
-                             "a check of link or agent failed (a fault of the program itself)"};
+                             "a check of link or agent failed (a fault of the program itself)",
+                             "the drone itself refuses to take off: its own words are in link's log"};
   return name_of(cause, words, "unknown cause");
 }
 

@@ -78,7 +78,8 @@ enum class FailsafeCause : std::uint8_t {
   height_lost = 18,   ///< tof sees nothing, and a drone's own velocity has no scale without
   other_client = 19,  ///< on the ground: somebody else says `command` to it as well
   sources_differ = 20,
-  check_failed = 21  ///< of link's core or agent's: what else is wrong, nobody knows
+  check_failed = 21,             ///< of link's core or agent's: what else is wrong, nobody knows
+  takeoff_refused_by_drone = 22  ///< on the ground: its own answer to the newest `takeoff`
 };
 
 /// Why a plan or setpoint was not flown.

@@ -45,6 +45,8 @@ void unlink_segments() {
 Result<Broker> Broker::start() {
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
   if (const Status alone = check_no_other(); !alone) return alone.error();
+  if (const Status served = check_group(group_of_process()); !served) return served.error();
+  if (const Status writable = check_writable(); !writable) return writable.error();
   unlink_segments();
   if (const Status room = check_shared_memory(); !room) return room.error();
 

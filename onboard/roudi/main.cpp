@@ -9,6 +9,7 @@
 #include "common/program/program.hpp"
 #include "common/program/service_manager.hpp"
 #include "onboard/roudi/broker.hpp"
+#include "onboard/roudi/host_check.hpp"
 
 namespace ledgerline::roudi {
 namespace {
@@ -60,6 +61,8 @@ int run(const std::string& summary_file) {
   auto manager = ServiceManager::from_environment();
   if (!manager) return fail(manager.error());
   const sigset_t signals = block_signals();  // before any thread starts, so that only watch_leaks() sees them
+  if (const std::string others = warn_of_others(group_of_process()); !others.empty())
+    spdlog::warn("{}: start RouDi, link and agent as a user with a group of its own", others);
   const auto broker = Broker::start();
   if (!broker) return fail(broker.error());
   ::dprintf(results, "{\"ready\":true,\"program\":\"ledgerline-roudi\"}\n");

@@ -57,8 +57,7 @@ void check_shared_memory(checks::Findings& findings, std::vector<std::string>& n
       findings.push_back(flag(checks::Problem::roudi_left, check, file.string() + ", another user's",
                               fmt::format("sudo rm {}", file.string())));
   }
-  const std::string no_room = checks::probe_shared_memory().no_room;
-  if (!no_room.empty()) findings.push_back(flag(checks::Problem::shm_small, check, no_room));
+  add(findings, checks::assess_place(checks::probe_shared_memory()));
 }
 
 void check_multicast(std::vector<std::string>& notes) {

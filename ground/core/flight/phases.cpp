@@ -34,6 +34,7 @@ bool may_take_off(const StateSample& state, bool manual) {
   switch (state.cause) {
     case FailsafeCause::none:
     case FailsafeCause::stopped:
+    case FailsafeCause::takeoff_refused_by_drone:  // it may accept the next one
       return true;
     case FailsafeCause::pose_lost:
     case FailsafeCause::velocity_lost:
@@ -104,6 +105,7 @@ Status Phases::take_off(TimeNs now, bool ending) {
   status_.origin_m = {seen_.state.position_m[0], seen_.state.position_m[1]};
   origin_known_ = check_pose(now).ok();
   asked_ns_ = seen_.state.stamp_ns;
+  refused_before_ = seen_.state.cause == FailsafeCause::takeoff_refused_by_drone;
   enter(now, DronePhase::takeoff);
   return done;
 }
@@ -112,9 +114,14 @@ Status Phases::take_off(TimeNs now, bool ending) {
 Status Phases::check_takeoff(TimeNs now) {
   const StateSample& s = seen_.state;
   const bool stands = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
-  if (status_.phase != DronePhase::takeoff || !config_.manual || flew_ || !stands || may_take_off(s, false) ||
-      s.arrived_ns - asked_ns_ < refused_for_ns)
-    return done;
+  const bool refused = s.cause == FailsafeCause::takeoff_refused_by_drone;
+  refused_before_ = refused_before_ && refused;
+  if (status_.phase != DronePhase::takeoff || !config_.manual || flew_ || !stands) return done;
+  if (refused && !refused_before_) {
+    enter(now, DronePhase::waiting);
+    return Error{words_for(s.cause)};
+  }
+  if (may_take_off(s, false) || s.arrived_ns - asked_ns_ < refused_for_ns) return done;
   enter(now, DronePhase::waiting);
   const bool of_pose = s.cause == FailsafeCause::pose_lost || s.cause == FailsafeCause::position_uncertain;
   return Error{fmt::format("link refuses it ({}{})", words_for(s.cause),

@@ -74,8 +74,9 @@ class Phases {
   FlightStatus& status_;
   TimeNs entered_ns_ = 0;  ///< the phase; the ground's clock
   bool flew_ = false;
-  bool origin_known_ = false;                                            ///< it took off under us, with a pose
-  TimeNs asked_ns_ = 0;                                                  ///< for a pilot's take-off; the drone's clock
+  bool origin_known_ = false;    ///< it took off under us, with a pose
+  TimeNs asked_ns_ = 0;          ///< for a pilot's take-off; the drone's clock
+  bool refused_before_ = false;  ///< the drone's refusal of an earlier one still shows
   TimeNs settling_since_ns_ = 0, path_since_ns_ = 0, end_since_ns_ = 0;  ///< the drone's clock
 };
 

@@ -153,6 +153,8 @@ void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vecto
         events);
   const bool other_mode = std::exchange(before.mode, state.mode) != state.mode;
   const bool other_cause = std::exchange(before.cause, state.cause) != state.cause;
+  if (other_cause && state.cause == FailsafeCause::takeoff_refused_by_drone)
+    add(now, Level::warning, name, words_for(state.cause), events);
   if (other_mode || (other_cause && state.mode != FailsafeMode::none)) {
     add(now, level_of(state.mode), name,
         state.mode == FailsafeMode::none

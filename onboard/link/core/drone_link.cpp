@@ -13,6 +13,9 @@ namespace {
 constexpr double blur_sigmas = 2;
 // From a drone that may be anywhere nobody can keep away, and who tried would never move again.
 constexpr double max_sigma_m = 2;
+// For so long the page shows that the drone refused a take-off. Half is missed by who looks away; with double it stands
+// there still when the drone was put right.
+constexpr TimeNs takeoff_refusal_shown_ns = 10 * ns_per_s;
 
 }  // namespace
 
@@ -153,6 +156,8 @@ void DroneLink::update_inputs(const LinkMoment& at, const Playout::CurrentSetpoi
   inputs_.dark_since_ns = position_.dark_since_ns(at.now);
   inputs_.height_lost = session_.state().tof_m >= tof_sees_m;
   inputs_.other_client = watches_.client.is_contested(at.now);
+  const TimeNs refused_ns = session_.takeoff_refusal().at_ns;
+  inputs_.takeoff_refused_by_drone = refused_ns != 0 && at.now - refused_ns < takeoff_refusal_shown_ns;
   inputs_.tilted = watches_.tilt.is_tilted();
   inputs_.overturned = watches_.tilt.is_overturned();
   inputs_.tilt_rad = watches_.tilt.tilt_rad();
@@ -194,6 +199,7 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   reporting_.record_transition(at, session_.phase(), failsafe_);
   reporting_.record_ends(at, admission_);
   reporting_.record_serial(at, session_.serial());
+  reporting_.record_words(at, session_);
 }
 
 void DroneLink::obey_failsafe(TimeNs now) noexcept {

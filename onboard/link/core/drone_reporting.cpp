@@ -64,7 +64,8 @@ void DroneReporting::record_transition(const LinkMoment& at, FlightPhase phase,
                                        const FailsafeState& failsafe) noexcept {
   Transition& last = last_transition_;
   const FailsafeMode mode = failsafe.mode;
-  const bool says_why = in_flight(phase) || mode >= FailsafeMode::land;
+  const bool says_why =
+      in_flight(phase) || mode >= FailsafeMode::land || failsafe.cause == FailsafeCause::takeoff_refused_by_drone;
   const FailsafeCause cause = says_why ? failsafe.cause : FailsafeCause::none;
   if (phase != last.phase || mode != last.mode || cause != last.cause) {
     last = {.drone = number_, .phase = phase, .mode = mode, .cause = cause, .boot_id = boot_id_, .stamp_ns = at.now};
@@ -77,6 +78,16 @@ void DroneReporting::record_serial(const LinkMoment& at, const SerialCheck& seri
   if (serial.verdict() == reported_serial_) return;
   reported_serial_ = serial.verdict();
   at.out.serials.push({number_, serial.verdict(), serial.answered()});
+}
+
+void DroneReporting::record_words(const LinkMoment& at, const TelloSession& session) noexcept {
+  const auto record = [&](DroneWords::Kind kind, const SaidText& said, TimeNs& reported_ns) {
+    if (said.at_ns == 0 || said.at_ns == reported_ns) return;
+    reported_ns = said.at_ns;
+    at.out.words.push({number_, kind, said.text});
+  };
+  record(DroneWords::Kind::takeoff_refused, session.takeoff_refusal(), reported_refusal_ns_);
+  record(DroneWords::Kind::state_unreadable, session.unreadable_text(), reported_unreadable_ns_);
 }
 
 void DroneReporting::publish(const LinkMoment& at, StateSample sample) noexcept {

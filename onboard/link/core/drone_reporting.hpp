@@ -101,6 +101,8 @@ class DroneReporting {
   /// Once a step: logs what changed, and sends what agent should take next.
   void record_transition(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept;
   void record_serial(const LinkMoment& at, const SerialCheck& serial) noexcept;
+  /// What it said that people are to read, once each.
+  void record_words(const LinkMoment& at, const TelloSession& session) noexcept;
   /// Completes a sample by what is kept here, and publishes it.
   void publish(const LinkMoment& at, StateSample sample) noexcept;
 
@@ -122,6 +124,7 @@ class DroneReporting {
     FailsafeCause cause = FailsafeCause::none;
   } traced_;  ///< newest in the trace
   SerialCheck::Verdict reported_serial_ = SerialCheck::Verdict::unwanted;
+  TimeNs reported_refusal_ns_ = 0, reported_unreadable_ns_ = 0;
   std::uint64_t states_sampled_ = 0;
   std::uint64_t applied_sequence_ = 0;  ///< of the plan whose setpoint was sent last
   struct {

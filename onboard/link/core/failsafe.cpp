@@ -270,6 +270,9 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
     grounded.battery_low = memory.battery_low;
     grounded.cause = takeoff_refusal(settings, fence, now, inputs);
     if (grounded.cause == FailsafeCause::none && memory.battery_low) grounded.cause = FailsafeCause::battery_low;
+    // Said, and no obstacle: the drone decides about the next one, too.
+    if (grounded.cause == FailsafeCause::none && inputs.takeoff_refused_by_drone)
+      grounded.cause = FailsafeCause::takeoff_refused_by_drone;
     return grounded;
   }
   at.state_stale = older(now, inputs.state_ns, tightened(settings.state_stale_ns, memory));

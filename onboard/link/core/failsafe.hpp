@@ -30,9 +30,10 @@ struct FailsafeInputs {
   bool motion_differs = false;  ///< from what it is sent (MotionWatch)
   /// Since when its flow is suspected to see nothing (FlowWatch) and nothing else says where it is; 0: no.
   TimeNs dark_since_ns = 0;
-  bool other_client = false;  ///< commands it as well (ClientWatch)
-  bool height_lost = false;   ///< tof sees nothing, and without a height flow has no scale
-  bool fix_overdue = false;   ///< it flies by mission pads, and has seen none for too long
+  bool other_client = false;              ///< commands it as well (ClientWatch)
+  bool takeoff_refused_by_drone = false;  ///< a moment ago; it may be asked again
+  bool height_lost = false;               ///< tof sees nothing, and without a height flow has no scale
+  bool fix_overdue = false;               ///< it flies by mission pads, and has seen none for too long
   /// Motion capture and its own velocity contradict each other (pose/source_check.hpp): neither is used ...
   bool sources_differ = false;
   bool sources_unresolved = false;  ///< ... and have for so long that nothing is left to fly by

@@ -34,6 +34,17 @@ struct SerialReport {
   SerialText answered;
 };
 
+/// What a drone said that people are to read.
+struct DroneWords {
+  enum class Kind : std::uint8_t {
+    takeoff_refused,  ///< its answer to `takeoff`
+    state_unreadable  ///< what comes in place of state texts
+  };
+  DroneNumber drone = 0;
+  Kind kind = Kind::takeoff_refused;
+  Quote text;
+};
+
 /// What came since the last step, in the order it came.
 struct LinkInputs {
   std::span<const Received> received;
@@ -52,6 +63,7 @@ struct LinkOutputs {
   FixedVector<StateSample, max_drones> states;
   FixedVector<Transition, max_drones> transitions;  ///< what is lost on the way comes again
   FixedVector<SerialReport, max_drones> serials;    ///< each time that one of them changed
+  FixedVector<DroneWords, 2 * max_drones> words;
   FixedVector<TraceRecord, 512> trace;
 
   /// Refusals stay counted.
@@ -60,6 +72,7 @@ struct LinkOutputs {
     states.clear();
     transitions.clear();
     serials.clear();
+    words.clear();
     trace.clear();
   }
 };

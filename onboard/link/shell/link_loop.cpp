@@ -60,6 +60,7 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
   if (!out.states.empty() || !out.transitions.empty()) publisher_.wake();
   // The same: a full ring is of drones that come and go faster than a person reads.
   for (const SerialReport& reported : out.serials) (void)serials_.push(reported);
+  for (const DroneWords& said : out.words) (void)words_.push(said);
   for (const TraceRecord& record : out.trace) {
     trace_.add(record);
     if (record.kind == TraceKind::command_applied) trace_.add_sent(record, sent_ns);

@@ -89,6 +89,7 @@ class LinkLoop {
   LoopTrace::Ring& trace() noexcept { return trace_.records(); }
   SpscRing<StateSample, 512>& states() noexcept { return states_; }
   SpscRing<SerialReport, 64>& serials() noexcept { return serials_; }
+  SpscRing<DroneWords, 64>& words() noexcept { return words_; }
 
   /// After ended().
   const LoopMetrics& metrics() const noexcept { return metrics_; }
@@ -112,6 +113,7 @@ class LinkLoop {
   LoopTrace trace_;
   SpscRing<StateSample, 512> states_;
   SpscRing<SerialReport, 64> serials_;
+  SpscRing<DroneWords, 64> words_;
   LoopMetrics metrics_;
   bool check_reported_ = false;
   std::atomic<bool> clear_local_stops_{false};

@@ -14,6 +14,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/msg/names.hpp"
 #include "common/program/program.hpp"
 #include "common/program/service_manager.hpp"
@@ -122,6 +123,7 @@ class Housekeeping {
       newest_[state.drone] = state;
     }
     for (SerialReport reported; loop_.serials().pop(reported);) log_serial(reported);
+    for (DroneWords said; loop_.words().pop(said);) log_words(said);
     if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
       print_status(status_line(settings_.link, newest_));
@@ -197,6 +199,21 @@ class Housekeeping {
         break;
       case SerialCheck::Verdict::open:
       case SerialCheck::Verdict::unwanted:
+        break;
+    }
+  }
+
+  void log_words(const DroneWords& said) const {
+    const std::string text = printable(said.text.view());
+    switch (said.kind) {
+      case DroneWords::Kind::takeoff_refused:
+        spdlog::error("{}: it refuses to take off: \"{}\"", drone(said.drone).name, text);
+        break;
+      case DroneWords::Kind::state_unreadable:
+        spdlog::error(
+            "{}: texts come and are not understood: \"{}\". A Tello's state text has bat, h and tof, as in "
+            "`bat:87;`: another firmware, or another device at its address",
+            drone(said.drone).name, text);
         break;
     }
   }

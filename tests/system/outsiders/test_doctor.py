@@ -44,7 +44,8 @@ class Host:
 
 
 # What the host that the test runs on is like is not this test's subject.
-OF_THE_HOST = {"clock_unsynchronised", "roudi_silent", "roudi_left", "shm_small", "disk_low", "identity_ends"}
+OF_THE_HOST = {"clock_unsynchronised", "roudi_silent", "roudi_left", "shm_small", "shm_not_writable", "roudi_group", "roudi_group_shared",
+               "disk_low", "identity_ends"}
 
 
 def of_ledger(found: dict) -> set:

@@ -94,6 +94,7 @@ std::optional<Finding> assess_refusal(const DroneInputs& drone) {
       {"too_near", "put the drones further apart"},
       {"other_client",
        "end the other program that commands it: link of another host with its address, or `ledgerline tello`"},
+      {"takeoff_refused_by_drone", "link's log has the drone's own words; wait 10 s, and try it again"},
       {"fence", "put it inside the fence, or let [fence] be the room's"}};
   for (const char* elsewhere :
        {"", "none", "battery_low", "pose_lost", "velocity_lost", "height_lost", "position_uncertain"})
@@ -206,6 +207,8 @@ Finding assess_battery(const DroneInputs& drone, double battery_low) {
 std::optional<Finding> assess_state(const DroneInputs& drone, const std::string& listen) {
   constexpr const char* check = "state";
   if (!drone.state_hz) return std::nullopt;
+  if (*drone.state_hz == 0 && !drone.unreadable.empty())
+    return flag(Problem::state_unreadable, check, fmt::format("\"{}\" at {}", drone.unreadable, listen));
   if (*drone.state_hz == 0)
     return flag(Problem::state_silent, check, "none at " + listen,
                 cure_of(Problem::state_silent, "8890", listen.substr(listen.rfind(':') + 1)));

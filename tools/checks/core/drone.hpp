@@ -30,6 +30,7 @@ struct DroneInputs {
   std::optional<double> battery{};        ///< 0..1; none: not reported
   std::optional<double> temperature_c{};  ///< the hotter one that it reports; none: not reported
   std::optional<double> state_hz{};       ///< of its state text; none: nobody counted
+  std::string unreadable{};               ///< what came in place of one, newest; empty: nothing
   bool has_velocity = true;               ///< in its state text: what it flies by without motion capture
   std::optional<PoseInputs> pose{};       ///< none: none has come
   std::string refusal{};                  ///< what link has against a take-off: a FailsafeCause's name; empty: nothing

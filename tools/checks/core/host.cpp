@@ -57,17 +57,33 @@ Findings assess(const RealTimeInputs& inputs) {
   return out;
 }
 
-Findings assess(const SharedMemoryInputs& inputs) {
+Findings assess_place(const SharedMemoryInputs& inputs) {
   constexpr const char* check = "roudi";
   using Roudi = SharedMemoryInputs::Roudi;
+  Findings out;
+  if (inputs.roudi == Roudi::alive) return out;
+  if (!inputs.group_unusable.empty()) out.push_back(flag(Problem::roudi_group, check, inputs.group_unusable));
+  if (!inputs.not_writable.empty()) out.push_back(flag(Problem::shm_not_writable, check, inputs.not_writable));
+  if (!inputs.no_room.empty()) out.push_back(flag(Problem::shm_small, check, inputs.no_room));
+  return out;
+}
+
+Findings assess(const SharedMemoryInputs& all) {
+  constexpr const char* check = "roudi";
+  using Roudi = SharedMemoryInputs::Roudi;
+  SharedMemoryInputs inputs = all;
+  if (all.by_unit) inputs.group_unusable = inputs.group_shared = "";
   if (inputs.roudi == Roudi::alive && !is_ours(inputs.program))
     return {flag(Problem::roudi_foreign, check, inputs.program)};
   if (inputs.roudi == Roudi::forbidden) return {flag(Problem::roudi_foreign, check, "of another user")};
-  if (inputs.roudi == Roudi::alive) return {fine(check, "it answers")};
-  Findings out;
+  Findings out = assess_place(inputs);
+  if (!inputs.group_shared.empty()) out.push_back(flag(Problem::roudi_group_shared, check, inputs.group_shared));
+  if (inputs.roudi == Roudi::alive) {
+    out.push_back(fine(check, "it answers"));
+    return out;
+  }
   if (inputs.roudi == Roudi::left) out.push_back(flag(Problem::roudi_left, check, "/tmp/roudi"));
   if (inputs.roudi == Roudi::none) out.push_back(flag(Problem::roudi_silent, check, "/tmp/roudi is not there"));
-  if (!inputs.no_room.empty()) out.push_back(flag(Problem::shm_small, check, inputs.no_room));
   return out;
 }
 

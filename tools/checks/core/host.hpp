@@ -36,10 +36,16 @@ Findings assess(const RealTimeInputs& inputs);
 struct SharedMemoryInputs {
   enum class Roudi : std::uint8_t { none, left, alive, forbidden };
   Roudi roudi = Roudi::none;
-  std::string program{};  ///< that has its socket; empty: that is not to be seen
-  std::string no_room{};  ///< why RouDi would not start; empty: it has room
+  std::string program{};         ///< that has its socket; empty: that is not to be seen
+  std::string no_room{};         ///< why RouDi would not start; empty: it has room
+  std::string not_writable{};    ///< /dev/shm for this user; empty: it is
+  std::string group_unusable{};  ///< why iceoryx cannot serve this user and group; empty: it can
+  std::string group_shared{};    ///< who else may write to the memory; empty: nobody
+  bool by_unit = false;          ///< RouDi has a unit of systemd, so another user than doctor's
 };
 Findings assess(const SharedMemoryInputs& inputs);
+/// Of that what keeps a RouDi from starting as this user.
+Findings assess_place(const SharedMemoryInputs& inputs);
 
 /// A network interface by the name that `whose` config has for it.
 struct InterfaceInputs {

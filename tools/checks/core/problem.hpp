@@ -166,6 +166,16 @@ namespace ledgerline::checks {
     "start link by its systemd unit, or raise `ulimit -l`")                                                            \
   X(shm_small, broken, "/dev/shm has no room for RouDi: it needs 96 MB",                                               \
     "`mount -o remount,size=256m /dev/shm`; a container: --shm-size=256m")                                             \
+  X(shm_not_writable, broken, "this user may not write to /dev/shm, where RouDi makes its memory",                     \
+    "`chmod 1777 /dev/shm`, or `mount -o remount,rw /dev/shm`, as root")                                               \
+  X(roudi_group, broken,                                                                                               \
+    "iceoryx names its memory after the group of RouDi's user: it needs both in /etc/passwd and /etc/group, and a "    \
+    "plain name",                                                                                                      \
+    "do as the line says; or start RouDi, link and agent with a plain group that the user is in: `sg GROUP -c "        \
+    "PROGRAM`")                                                                                                        \
+  X(roudi_group_shared, warning,                                                                                       \
+    "other users are in the group of RouDi's user: they may write to the memory that drones are flown by",             \
+    "run RouDi, link and agent as a user with a group of its own: `useradd --system --user-group ledgerline`")         \
   X(roudi_silent, warning, "no RouDi runs: link and agent do not start without",                                       \
     "`systemctl start ledgerline-roudi`, or start ledgerline-roudi by hand")                                           \
   X(roudi_left, broken, "a RouDi that is gone has left its socket, so nobody answers there",                           \
@@ -194,6 +204,8 @@ namespace ledgerline::checks {
     "the drone answers commands, and none of its state texts arrives: a firewall drops their UDP port",                \
     "let the port through at this host: `iptables -I INPUT -p udp --dport 8890 -j ACCEPT`, `ufw allow 8890/udp` or "   \
     "`firewall-cmd --add-port=8890/udp`, whichever firewall it has; end every other program that speaks to the drone") \
+  X(state_unreadable, broken, "texts come from the drone where its state texts should, and are not understood",        \
+    "a Tello's has `bat:87;h:0;tof:10;`: is it a Tello at that address? Then give it DJI's newest firmware")           \
   X(state_rare, warning, "fewer state texts arrive than the ten a second of a Tello",                                  \
     "go nearer, or to a Wi-Fi channel that nobody else has")                                                           \
   X(battery_low, broken, "link takes off only above battery_low", "charge or change the battery")                      \

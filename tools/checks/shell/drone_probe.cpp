@@ -12,6 +12,7 @@
 #include "common/dds/raw.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/ros.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 #include "tools/checks/core/drone.hpp"
 #include "tools/tello/shell/talk.hpp"
 
@@ -37,16 +38,23 @@ std::optional<link::Descriptor> listen_to_states(const std::string& listen, cons
   return std::move(*socket);
 }
 
-/// Whether a state text of that drone has come, or comes now.
-bool hears_states(const link::Descriptor& socket, std::uint32_t drone) {
+/// What came of that drone, or comes now: a rate of zero where no state text did, and what came in place of one.
+void listen_to(const link::Descriptor& socket, std::uint32_t drone, DroneInputs& inputs) {
   // A Tello sends its state ten times a second: with half of them lost, one of a thousand is not heard within one.
   constexpr TimeNs timeout_ns = 1'500 * ns_per_ms;
   bool heard = false;
   for (const TimeNs end = monotonic_ns() + timeout_ns; !heard && monotonic_ns() < end;) {
     tello::wait({socket.get()});
-    tello::read_all(socket.get(), [&](std::uint32_t from, std::string_view) { heard = heard || from == drone; });
+    tello::read_all(socket.get(), [&](std::uint32_t from, std::string_view text) {
+      link::TelloState state;
+      if (from != drone) return;
+      if (link::parse_state(text, state))
+        heard = true;
+      else
+        inputs.unreadable = printable(link::quote(link::without_line_end(text)).view());
+    });
   }
-  return heard;
+  if (!heard) inputs.state_hz = 0;
 }
 
 }  // namespace
@@ -69,7 +77,7 @@ Findings query_drones(const ProgramConfig& link) {
     inputs.battery = battery_in(asked[0].dialogue.answer("battery?"));
     out.push_back(of_drone(drone.name, assess_presence(inputs)));
     if (!inputs.there) continue;
-    if (states && !hears_states(*states, *address)) inputs.state_hz = 0;
+    if (states) listen_to(*states, *address, inputs);
     if (auto silent = assess_state(inputs, link.state_listen)) out.push_back(of_drone(drone.name, std::move(*silent)));
     out.push_back(of_drone(drone.name, assess_battery(inputs, link.battery_low)));
   }

@@ -31,6 +31,10 @@ constexpr const char* link_units[] = {"/etc/systemd/system/ledgerline-link.servi
                                       "/lib/systemd/system/ledgerline-link.service",
                                       "/usr/local/lib/systemd/system/ledgerline-link.service"};
 
+constexpr const char* roudi_units[] = {"/etc/systemd/system/ledgerline-roudi.service",
+                                       "/lib/systemd/system/ledgerline-roudi.service",
+                                       "/usr/local/lib/systemd/system/ledgerline-roudi.service"};
+
 std::string first_line(const fs::path& file) {
   std::ifstream in(file);
   std::string line;
@@ -182,6 +186,11 @@ SharedMemoryInputs probe_shared_memory() {
   }
   if (inputs.roudi == Roudi::alive) inputs.program = program_of(path);
   if (auto room = roudi::check_shared_memory(); !room) inputs.no_room = room.error().message;
+  if (auto writable = roudi::check_writable(); !writable) inputs.not_writable = writable.error().message;
+  const roudi::UserGroup of = roudi::group_of_process();
+  if (auto served = roudi::check_group(of); !served) inputs.group_unusable = served.error().message;
+  inputs.group_shared = roudi::warn_of_others(of);
+  for (const char* unit : roudi_units) inputs.by_unit = inputs.by_unit || ::access(unit, R_OK) == 0;
   return inputs;
 }
 

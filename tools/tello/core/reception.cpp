@@ -30,7 +30,10 @@ double Reception::Count::rate_hz(TimeNs now) const {
 }
 
 void Reception::on_state(TimeNs now, std::string_view bytes) {
-  if (link::parse_state(bytes, state_)) states_.add(now);
+  if (link::parse_state(bytes, state_))
+    states_.add(now);
+  else
+    unreadable_ = link::quote(link::without_line_end(bytes));
 }
 
 void Reception::on_pose(const ReceivedPose& pose) {
@@ -42,6 +45,7 @@ void Reception::on_pose(const ReceivedPose& pose) {
 
 void Reception::report(TimeNs now, TimeNs now_real_ns, bool stamps_count, checks::DroneInputs& drone) const {
   drone.state_hz = states_.rate_hz(now);
+  drone.unreadable = printable(unreadable_.view());
   if (states_.times > 0) {
     drone.battery = static_cast<double>(state_.battery);
     drone.has_velocity = state_.has_velocity;

@@ -38,6 +38,7 @@ class Reception {
   };
   Count states_, poses_;
   link::TelloState state_;
+  link::Quote unreadable_;  ///< newest text that is no state text; empty: none
   ReceivedPose pose_;
   TimeNs least_delay_ns_ = 0;
 };

@@ -25,7 +25,10 @@ void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
   phase_since_ns_ = now;
   grounded_since_ns_ = aloft_since_ns_ = 0;
   if (in_flight(phase)) stands_ = false, down_since_ns_ = 0;
-  if (phase == FlightPhase::flying) has_flown_ = true;
+  if (phase == FlightPhase::flying) {
+    has_flown_ = true;
+    takeoff_refusal_ = {};
+  }
   if (phase == FlightPhase::disconnected) {
     handshake_ok_ = false;
     pending_.end();
@@ -73,6 +76,7 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
     case PendingCommand::Kind::takeoff:
       if (answer == Answer::refused) {
         takeoff_not_before_ns_ = now + settings_.refused_pause_ns;
+        takeoff_refusal_ = {now, quote(without_line_end(bytes))};
         end_command(now, reported_.is_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
       } else if (reported_.is_airborne(now) || !reported_.is_fresh(now)) {
         end_command(now, FlightPhase::flying);
@@ -259,6 +263,9 @@ constexpr TimeNs fresh_for_ns = 500 * ns_per_ms;
 constexpr double motor_time_step_s = 1.2, motor_time_slack_s = 2;
 // So many refused texts in a row whose `time` goes on as time does are right: what was accepted before them was not.
 constexpr int refused_texts_needed = 10;
+// Texts that cannot be read are quoted when so many came in a row, which is a second of them, and once a minute then.
+constexpr int unreadable_texts_needed = 10;
+constexpr TimeNs quote_pause_ns = 60 * ns_per_s;
 
 }  // namespace
 
@@ -293,12 +300,21 @@ void ReportedState::grow_older(TimeNs slept_ns) noexcept {
   refused_texts_ = 0;
 }
 
+void ReportedState::on_unreadable(TimeNs now, std::string_view bytes) noexcept {
+  ++unreadable_;
+  unreadable_in_a_row_ = std::min(unreadable_in_a_row_ + 1, unreadable_texts_needed);
+  if (unreadable_in_a_row_ < unreadable_texts_needed) return;
+  if (unreadable_text_.at_ns == 0 || now - unreadable_text_.at_ns >= quote_pause_ns)
+    unreadable_text_ = {now, quote(without_line_end(bytes))};
+}
+
 bool ReportedState::on_text(TimeNs now, std::string_view bytes, bool connected) noexcept {
   TelloState reported = newest_;
   if (!parse_state(bytes, reported)) {
-    ++unreadable_;
+    on_unreadable(now, bytes);
     return false;
   }
+  unreadable_in_a_row_ = 0;
   if (!is_of_now(now, reported, connected)) return false;
   newest_ = reported;
   update_battery(reported.battery);

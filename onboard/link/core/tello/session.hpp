@@ -10,6 +10,12 @@
 
 namespace ledgerline::link {
 
+/// What a drone said, and when; 0: never.
+struct SaidText {
+  TimeNs at_ns = 0;
+  Quote text;
+};
+
 /// What a drone's state texts report of it, and whether that is of now. A text of another moment or of another drone is
 /// refused, by `time`, which grows as time does while the motors run. Core: no I/O, no allocation; one thread.
 class ReportedState {
@@ -32,8 +38,11 @@ class ReportedState {
   bool is_grounded(TimeNs now) const noexcept;
   /// Datagrams that were no state text.
   std::uint32_t unreadable() const noexcept { return unreadable_; }
+  /// One of them, when that is all that comes: the newest a minute.
+  const SaidText& unreadable_text() const noexcept { return unreadable_text_; }
 
  private:
+  void on_unreadable(TimeNs now, std::string_view bytes) noexcept;
   void update_battery(float reported) noexcept;
   bool is_of_now(TimeNs now, const TelloState& reported, bool connected) noexcept;
 
@@ -46,6 +55,8 @@ class ReportedState {
   int refused_texts_ = 0;        ///< in a row that are not of now
   double refused_lead_s_ = 0;    ///< of the first of them
   std::uint32_t unreadable_ = 0;
+  int unreadable_in_a_row_ = 0;
+  SaidText unreadable_text_;
 };
 
 /// The one command to a connected drone that waits for its answer, or is repeated until the drone is down. One thread.
@@ -161,6 +172,10 @@ class TelloSession {
   /// When the newest state text came; 0: none yet.
   TimeNs state_at_ns() const noexcept { return reported_.at_ns(); }
   bool has_flown() const noexcept { return has_flown_; }
+  /// The drone's own words to the newest take-off that it refused on the ground; forgotten when one is accepted.
+  const SaidText& takeoff_refusal() const noexcept { return takeoff_refusal_; }
+  /// What comes in place of state texts (ReportedState).
+  const SaidText& unreadable_text() const noexcept { return reported_.unreadable_text(); }
   std::uint32_t states_refused() const noexcept { return reported_.unreadable(); }
   std::uint32_t answers_unasked() const noexcept { return answers_unasked_; }
 
@@ -188,6 +203,7 @@ class TelloSession {
   bool handshake_ok_ = false;
   bool has_flown_ = false;
   TimeNs takeoff_not_before_ns_ = 0;
+  SaidText takeoff_refusal_;
   TimeNs rising_until_ns_ = 0;  ///< until then a take-off that was sent may still lift it; 0: seen in the air since
   TimeNs grounded_since_ns_ = 0, aloft_since_ns_ = 0, down_since_ns_ = 0;
   std::uint32_t answers_unasked_ = 0;

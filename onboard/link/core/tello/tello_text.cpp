@@ -126,6 +126,13 @@ Answer parse_answer(std::string_view bytes) noexcept {
   return Answer::unknown;
 }
 
+Quote quote(std::string_view text) noexcept {
+  Quote out;
+  out.size = static_cast<std::uint8_t>(std::min(text.size(), out.bytes.size()));
+  std::copy_n(text.begin(), out.size, out.bytes.begin());
+  return out;
+}
+
 CommandText command_text(std::string_view word) noexcept {
   CommandText text;
   text.size = static_cast<std::uint8_t>(std::min(word.size(), text.bytes.size()));

@@ -71,6 +71,14 @@ enum class Answer : std::uint8_t { ok, refused, unknown };
 /// anything else is unknown, and does not count as an answer.
 Answer parse_answer(std::string_view bytes) noexcept;
 
+/// The first bytes of what a drone said, for people; any bytes, so that who shows it makes it printable.
+struct Quote {
+  std::array<char, 120> bytes{};
+  std::uint8_t size = 0;
+  std::string_view view() const noexcept { return {bytes.data(), size}; }
+};
+Quote quote(std::string_view text) noexcept;
+
 /// A command as it goes to the drone.
 struct CommandText {
   std::array<char, 32> bytes{};

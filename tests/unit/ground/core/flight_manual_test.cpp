@@ -200,6 +200,27 @@ TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsReportedAndMayBeRequestedAgain) 
   EXPECT_EQ(blind.core.status(0).phase, DronePhase::manual);
 }
 
+TEST(ManualFlight, WhatTheDroneItselfRefusesIsReportedAndMayBeRequestedAgain) {
+  FlightWorld world(manual_config(1));
+  FlightWorld::Drone& drone = world.drones[0];
+  drone.obeys_takeoff = false;
+  world.run(1);
+  world.say(takeoff());
+  world.run(0.2);
+  drone.cause = FailsafeCause::takeoff_refused_by_drone;
+  world.run(1);
+  ASSERT_EQ(world.notes.size(), 1U) << "at once, before link asks the drone again";
+  EXPECT_THAT(world.notes[0], HasSubstr("tello1: no take-off: the drone itself refuses to take off"));
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  world.say(takeoff());
+  world.run(1);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::takeoff) << "what shows is the refusal of the first";
+  drone.obeys_takeoff = true;
+  drone.cause = FailsafeCause::none;
+  world.run(5);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+}
+
 TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
   FlightWorld other(manual_config(1));
   ASSERT_TRUE(other.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));

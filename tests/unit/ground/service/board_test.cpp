@@ -56,6 +56,17 @@ TEST(Board, TellsWhoCommandsForTheHolder) {
               Contains("tello1: its lease is held by Org2MSP CN=pilot, who lets Org2MSP CN=User1@org2 command it"));
 }
 
+TEST(Board, WarnsOfADroneThatRefusesToTakeOff) {
+  FlightWorld world(manual_config(1));
+  world.run(1);
+  Board board;
+  (void)board.update(world.now_ns, world.core, {});
+  world.drones[0].cause = FailsafeCause::takeoff_refused_by_drone;
+  world.run(1);
+  EXPECT_THAT(words(board.update(world.now_ns, world.core, {})),
+              Contains(HasSubstr("tello1: the drone itself refuses to take off")));
+}
+
 TEST(Board, OfADroneThatWasNeverHeardItSaysNoNumbers) {
   const FlightWorld world(manual_config(1));
   const json drone = json::parse(Board::drones(world.now_ns, world.core))[0];

@@ -19,6 +19,13 @@ TEST(SharedMemory, AContainersDefaultIsTooSmallAndTheCureIsReported) {
   EXPECT_THAT(room.error().message, HasSubstr("--shm-size=128m"));
 }
 
+TEST(SharedMemory, OneThatMayNotBeWrittenIsNamedWithTheCure) {
+  EXPECT_TRUE(check_writable(true, false, 041777));
+  EXPECT_THAT(check_writable(false, false, 040755).error().message,
+              HasSubstr("may not write to /dev/shm (mode 755): as root, chmod 1777 /dev/shm"));
+  EXPECT_THAT(check_writable(false, true, 041777).error().message, HasSubstr("remount,rw /dev/shm"));
+}
+
 TEST(SharedMemory, WhatOthersLeftThereMayBeTooMuch) {
   const Status room = check_shared_memory(128 * mb, 71 * mb);
   ASSERT_FALSE(room);

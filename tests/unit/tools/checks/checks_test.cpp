@@ -167,6 +167,10 @@ TEST(DoctorHost, TellsADroneWhoseStatesAreDroppedFromOneThatIsSilent) {
   const Finding dropped = assess_state(inputs, "0.0.0.0:8891").value();
   EXPECT_EQ(dropped.problem, Problem::state_silent);
   EXPECT_THAT(dropped.cure, HasSubstr("`iptables -I INPUT -p udp --dport 8891 -j ACCEPT`"));
+  inputs.unreadable = "bat: 87;";
+  const Finding unreadable = assess_state(inputs, "0.0.0.0:8891").value();
+  EXPECT_EQ(unreadable.problem, Problem::state_unreadable) << "no firewall is to blame";
+  EXPECT_THAT(unreadable.what, HasSubstr("\"bat: 87;\""));
   EXPECT_THAT(assess_battery(inputs, 0.15).what, HasSubstr("90 %"));
   inputs.there = false;
   EXPECT_EQ(assess_presence(inputs).problem, Problem::drone_silent);
@@ -253,6 +257,27 @@ TEST_F(DoctorEndorsement, OfAGatewaySaysWhatItMustFind) {
   const Finding finding = assess(inputs_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.cure, HasSubstr("start a peer of Org2MSP that has joined the channel"));
+}
+
+TEST(DoctorHost, SaysOfSharedMemoryWhatKeepsRoudiFromStartingAndWhoElseMayWriteIt) {
+  using Roudi = SharedMemoryInputs::Roudi;
+  SharedMemoryInputs inputs{.roudi = Roudi::alive, .program = "ledgerline-roudi"};
+  ASSERT_EQ(assess(inputs).size(), 1U);
+  EXPECT_FALSE(assess(inputs)[0].problem);
+  inputs.not_writable = "mode 755";
+  inputs.group_unusable = "domain users";
+  EXPECT_EQ(assess(inputs).size(), 1U) << "it runs, so another user's group counts";
+  inputs.roudi = Roudi::none;
+  const Findings place = assess_place(inputs);
+  ASSERT_EQ(place.size(), 2U);
+  EXPECT_EQ(place[0].problem, Problem::roudi_group);
+  EXPECT_EQ(place[1].problem, Problem::shm_not_writable);
+  EXPECT_EQ(assess(inputs).size(), 3U) << "and nobody answers";
+  SharedMemoryInputs shared{.roudi = Roudi::alive, .group_shared = "group users has other users (u2)"};
+  EXPECT_EQ(assess(shared).at(0).problem, Problem::roudi_group_shared);
+  EXPECT_EQ(assess(shared).at(0).severity, Severity::warning);
+  shared.by_unit = true;
+  EXPECT_FALSE(assess(shared).at(0).problem) << "not the group of who asks";
 }
 
 TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {

@@ -179,7 +179,7 @@ TEST(PreflightCheck, WhatElseLinkRefusesIsNamedWithACure) {
   FlightInputs inputs = good();
   EXPECT_EQ(line_of(inputs, "link").what, "no line");
   for (const char* cause : {"stopped", "state_stale", "agent_silent", "ledger_silent", "ledger_untrusted", "tilted",
-                            "too_near", "other_client", "fence", "of_tomorrow"}) {
+                            "too_near", "other_client", "takeoff_refused_by_drone", "fence", "of_tomorrow"}) {
     inputs.drones[0].refusal = cause;
     expect(inputs, "link", Severity::broken, cause, " ");
   }

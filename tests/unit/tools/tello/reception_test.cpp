@@ -40,6 +40,15 @@ TEST(PreflightListening, AStateTextsRateIsThatOfItsGaps) {
   EXPECT_NEAR(*drone.state_hz, 20.0 / 12, 0.01);
 }
 
+TEST(PreflightListening, TextsThatAreNotUnderstoodAreQuoted) {
+  Reception reception;
+  checks::DroneInputs drone;
+  for (int i = 0; i < 10; ++i) reception.on_state(i * 100 * ns_per_ms, "bat: 87;h: 0;\x01\r\n");
+  reception.report(ns_per_s, real_ns, true, drone);
+  EXPECT_EQ(drone.state_hz, 0.0);
+  EXPECT_EQ(drone.unreadable, "bat: 87;h: 0;?");
+}
+
 TEST(PreflightListening, AStateTextWithoutVelocitiesIsSeen) {
   Reception reception;
   reception.on_state(ns_per_s, "tof:10;h:0;bat:50;");

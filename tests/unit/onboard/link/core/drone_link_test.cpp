@@ -33,6 +33,10 @@ class DroneLinkTest : public ::testing::Test {
     for (const TimeNs end = now + duration; now < end;) step();
   }
   void hear(std::string_view text) {
+    if (text == "takeoff" && refuses) {
+      heard.emplace_back(text);
+      return;
+    }
     if (text == "takeoff") height_m = 1;
     if (text == "land" || text == "emergency") height_m = 0;
     if (text.substr(0, 2) != "rc") ++oks;
@@ -56,7 +60,8 @@ class DroneLinkTest : public ::testing::Test {
   LinkOutputs out;
   TimeNs now = 1000 * ns_per_s;
   double height_m = 0;
-  int oks = 0;  ///< answers that are on their way
+  bool refuses = false;  ///< to take off
+  int oks = 0;           ///< answers that are on their way
   std::uint64_t sequence = 0;
   std::vector<std::string> heard;
 };
@@ -79,6 +84,38 @@ TEST_F(DroneLinkTest, EachPlanEndsOnceAsAppliedLateOrDropped) {
   const PlanCounters plans = drone.report().plans;
   EXPECT_EQ(plans.received, 5U);
   EXPECT_EQ(plans.received, plans.applied + plans.late + plans.dropped);
+}
+
+TEST_F(DroneLinkTest, ATakeOffThatTheDroneRefusesIsSaidInItsWordsForTenSecondsAndMayBeTriedAgain) {
+  pass(ns_per_s);
+  refuses = true;
+  give(PlanAction::takeoff);
+  step();
+  drone.on_bytes(now, Port::answer, "error No valid imu");
+  step();
+  ASSERT_EQ(out.words.size(), 1U);
+  EXPECT_EQ(out.words[0].kind, DroneWords::Kind::takeoff_refused);
+  EXPECT_EQ(out.words[0].text.view(), "error No valid imu");
+  const auto cause = [&] {
+    out.states.clear();
+    drone.sample(at());
+    return out.states[0].cause;
+  };
+  EXPECT_EQ(cause(), FailsafeCause::takeoff_refused_by_drone);
+  step();
+  EXPECT_EQ(out.words.size(), 0U) << "once";
+  pass(9 * ns_per_s);
+  EXPECT_EQ(cause(), FailsafeCause::takeoff_refused_by_drone);
+  pass(ns_per_s);
+  EXPECT_EQ(cause(), FailsafeCause::none);
+  give(PlanAction::takeoff);
+  step();
+  drone.on_bytes(now, Port::answer, "error No valid imu");
+  pass(settings.session.refused_pause_ns + ms);
+  refuses = false;
+  give(PlanAction::takeoff);
+  pass(ns_per_s);
+  EXPECT_EQ(drone.session().phase(), FlightPhase::flying);
 }
 
 TEST_F(DroneLinkTest, AStopLandsAndATakeOffFromAnOlderStateIsTooOld) {

@@ -438,6 +438,17 @@ TEST_F(FailsafeTest, OnTheGroundTheCauseSaysWhatATakeOffWaitsFor) {
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
+TEST_F(FailsafeTest, ATakeOffThatTheDroneRefusedIsSaidAndMayBeTriedAgain) {
+  inputs.phase = FlightPhase::on_ground;
+  inputs.takeoff_refused_by_drone = true;
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::takeoff_refused_by_drone);
+  EXPECT_EQ(takeoff_refusal(settings, fence, now, inputs), FailsafeCause::none);
+  inputs.ledger_alive = false;  // what link waits for comes first
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::ledger_silent);
+}
+
 TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
   const auto refusal = [&](auto spoil) {
     FailsafeInputs spoiled = inputs;

@@ -190,6 +190,38 @@ TEST_F(Session, ARefusedTakeOffIsNotTriedAgainAtOnce) {
   EXPECT_TRUE(session.request_takeoff(now));
 }
 
+TEST_F(Session, ARefusedTakeOffKeepsTheDronesOwnWordsUntilOneIsAccepted) {
+  connect();
+  EXPECT_EQ(session.takeoff_refusal().at_ns, 0);
+  ASSERT_TRUE(session.request_takeoff(now));
+  pass(tick);
+  answer("error No valid imu\r\n");
+  EXPECT_EQ(session.takeoff_refusal().text.view(), "error No valid imu");
+  EXPECT_EQ(session.takeoff_refusal().at_ns, now);
+  pass(settings.refused_pause_ns);
+  ASSERT_TRUE(session.request_takeoff(now));
+  height_m = 1;
+  pass(200 * ns_per_ms);
+  answer("ok");
+  ASSERT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.takeoff_refusal().at_ns, 0);
+}
+
+TEST_F(Session, TextsThatAreNotUnderstoodAreQuotedOnceAMinute) {
+  const auto send = [&](std::string_view text) { (void)session.on_state(now += 100 * ns_per_ms, text); };
+  for (int i = 0; i < 9; ++i) send("bat: 87;h: 0;tof: 10;\r\n");
+  EXPECT_EQ(session.unreadable_text().at_ns, 0) << "a few torn ones are nothing";
+  send("bat: 87;h: 0;tof: 10;\r\n");
+  EXPECT_EQ(session.unreadable_text().text.view(), "bat: 87;h: 0;tof: 10;");
+  const TimeNs first_ns = session.unreadable_text().at_ns;
+  EXPECT_EQ(first_ns, now);
+  for (int i = 0; i < 599; ++i) send(std::string(1'000, 'x'));
+  EXPECT_EQ(session.unreadable_text().at_ns, first_ns);
+  send(std::string(1'000, 'x'));
+  EXPECT_EQ(session.unreadable_text().text.view(), std::string(120, 'x'));
+  EXPECT_GT(session.unreadable_text().at_ns, first_ns);
+}
+
 TEST_F(Session, ALandingAskedForBeforeItLiftsOffIsNotOverWhileItMayStillRise) {
   connect();
   ASSERT_TRUE(session.request_takeoff(now));
