@@ -132,7 +132,7 @@ class Datagrams final : public Entry {
     sides_[0].add_to(polled);
     ::poll(polled.data(), polled.size(), 0);
     now_ += step;
-    hil::proxy::receive_shared(shared_->state(), hil::proxy::Way::state, now_, sides_);
+    hil::proxy::receive_shared(shared_->state(), hil::proxy::Direction::state, now_, sides_);
     sides_[0].receive(now_, polled);
     sides_[0].send(now_);
     return drone_.take_all() + client_.take_all() + client_state_.take_all() > 0 ? accepted() : dropped();

@@ -41,7 +41,7 @@ TEST(Troubleshooting, HasEachCauseOfTheFailsafe) {
 TEST(Troubleshooting, HasEachRefusalOfAgent) {
   const std::string text = section("Why agent refuses a command");
   for (std::size_t i = 1; i < agent::refusal_count; ++i)
-    EXPECT_THAT(text, HasSubstr(row_of(agent::refusal_name(static_cast<agent::Refusal>(i)))));
+    EXPECT_THAT(text, HasSubstr(row_of(agent::refusal_name(static_cast<agent::RefusalReason>(i)))));
 }
 
 TEST(Troubleshooting, HasEachReasonWhyLinkDropsAPlan) {
