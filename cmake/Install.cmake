@@ -4,7 +4,7 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(public_headers common/crypto/crypto.hpp common/fabric/blocks/checkpoint.hpp
-  common/fabric/client/client.hpp common/fabric/client/outcome.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
+  common/fabric/client/client.hpp common/fabric/calls/outcome.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
   common/base/result.hpp chaincode/shim/shim.hpp
   common/msg/contract.hpp common/msg/onboard.hpp common/rt/spsc_ring.hpp
   onboard/shim/mapping.hpp)

@@ -13,7 +13,6 @@
 #include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tls/tls_server.hpp"
-#include "common/msg/contract.hpp"
 #include "peer/chaincode_shim.grpc.pb.h"
 
 namespace ledgerline::shim {
@@ -185,11 +184,12 @@ Result<std::string> package_id_from(std::string text) {
   const std::string_view all = text;
   const std::size_t colon = all.find(':');
   const std::string_view label = all.substr(0, colon), hash = colon == all.npos ? "" : all.substr(colon + 1);
+  constexpr std::size_t sha256_digits = 64;
   const auto is_label_char = [](char c) {
-    return contract::is_alphanumeric(c) || c == '_' || c == '.' || c == '+' || c == '-';
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.' || c == '+' || c == '-';
   };
   const auto is_hex = [](char c) { return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f'); };
-  if (!label.empty() && std::ranges::all_of(label, is_label_char) && hash.size() == 2 * contract::digest_bytes &&
+  if (!label.empty() && std::ranges::all_of(label, is_label_char) && hash.size() == sha256_digits &&
       std::ranges::all_of(hash, is_hex))
     return text;
   constexpr std::size_t max_shown = 128;

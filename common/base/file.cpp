@@ -55,7 +55,8 @@ Status check(const std::string& path, const struct stat& info, mode_t kind, bool
 Result<std::string> read_file(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   std::stringstream text;
-  if (!in || !(text << in.rdbuf())) return Error{"cannot read " + path};
+  if (in.peek() != std::ifstream::traits_type::eof()) text << in.rdbuf();  // of nothing, << makes a failure
+  if (!in.is_open() || in.bad() || text.fail()) return Error{"cannot read " + path};
   return text.str();
 }
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/msg/ros.hpp"

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/retry.hpp"
 #include "ledgerline.pb.h"

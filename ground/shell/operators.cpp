@@ -5,8 +5,8 @@
 #include <filesystem>
 
 #include "common/base/log.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeat.hpp"
 #include "common/verification/calls.hpp"
 
 namespace ledgerline::ground {

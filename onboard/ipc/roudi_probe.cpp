@@ -1,4 +1,4 @@
-#include "onboard/ipc/ipc.hpp"
+#include "onboard/ipc/roudi_probe.hpp"
 
 #include <fmt/format.h>
 #include <sys/socket.h>

@@ -15,7 +15,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/text.hpp"
-#include "onboard/ipc/ipc.hpp"
+#include "onboard/ipc/roudi_probe.hpp"
 
 namespace ledgerline::roudi {
 

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "common/config/config.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeat.hpp"
 #include "common/fabric/config.hpp"
 #include "common/verification/calls.hpp"
 

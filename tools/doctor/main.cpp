@@ -9,6 +9,7 @@
 #include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
 #include "tools/checks/shell/configs.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 #include "tools/checks/shell/probes.hpp"
 
 namespace {

@@ -10,7 +10,7 @@
 
 #include "common/base/file.hpp"
 #include "sim/core/sensors.hpp"
-#include "tools/checks/shell/probes.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/usage.hpp"
 

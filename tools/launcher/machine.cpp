@@ -22,7 +22,7 @@
 
 #include "common/base/file.hpp"
 #include "common/process/children.hpp"
-#include "tools/checks/shell/probes.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 
 namespace ledgerline::launcher {
 namespace {

@@ -6,7 +6,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/checks/shell/configs.hpp"
-#include "tools/status/core/status.hpp"
+#include "tools/status/shell/query.hpp"
 
 namespace {
 

@@ -12,7 +12,7 @@
 #include "common/base/enum_count.hpp"
 #include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/rules.hpp"
-#include "common/fabric/client/in_flight.hpp"
+#include "common/fabric/calls/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"

@@ -14,7 +14,7 @@
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/blocks/checkpoint.hpp"
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 /// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger

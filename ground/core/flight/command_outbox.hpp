@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/client/in_flight.hpp"
+#include "common/fabric/calls/in_flight.hpp"
 #include "ground/core/flight/planner.hpp"
 
 namespace ledgerline::ground {

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "ground/core/flight_types.hpp"
 #include "ground/core/lease/lease_book.hpp"
 #include "ledgerline.pb.h"

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "ground/core/flight_view.hpp"
 #include "ground/service/core/api.hpp"
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "ground/core/flight_types.hpp"
 

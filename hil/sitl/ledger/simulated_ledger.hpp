@@ -16,7 +16,7 @@
 #include "common/base/result.hpp"
 #include "common/common.pb.h"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/clock.hpp"
 #include "hil/netem/distribution.hpp"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/base/enum_count.hpp"
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "hil/sitl/ledger/ledger_port.hpp"
 
 namespace ledgerline::hil {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/base/check.hpp"
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"

@@ -11,7 +11,7 @@
 #include <mutex>
 #include <thread>
 
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "ledgerline.pb.h"
 #include "tests/system/connect.hpp"
 

@@ -26,7 +26,7 @@ CORES = 2              # that all of it has, whatever the machine has
 MERGED_SHARE = 0.1     # of all states, at least: else it was no overload
 # Stopped before the failsafe has landed who holds (5 s): the load is there from the first take-off on.
 TAKEN_OFF_S, LOADED_S = 30, 3
-MAX_PENDING = 33       # of a drone: in 32 calls in flight (common/fabric/client/in_flight.hpp), and one that waits
+MAX_PENDING = 33       # of a drone: in 32 calls in flight (common/fabric/calls/in_flight.hpp), and one that waits
 # Each process waits its turn here; of Fabric's a stop passes a dozen, and is said again where its confirmation stays away.
 STOPPED_WITHIN_S = {"embedded": 10, "fabric": 60}
 LANDED_WITHIN_S = 60

@@ -1,3 +1,4 @@
+#include "tools/checks/shell/host_probe.hpp"
 #include "tools/checks/shell/probes.hpp"
 
 #include <atomic>

@@ -1,4 +1,4 @@
-#include "tools/checks/shell/probes.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
@@ -19,7 +19,7 @@
 #include <sstream>
 
 #include "common/base/file.hpp"
-#include "onboard/ipc/ipc.hpp"
+#include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/host_check.hpp"
 
 namespace ledgerline::checks {

@@ -43,20 +43,6 @@ Findings query_drones(const ProgramConfig& link);
 /// Listens for some seconds, as agent does, for poses of those of link's drones that fly by motion capture.
 Findings receive_poses(const ProgramConfig& link, const ProgramConfig& agent);
 
-/// Where `file` is written, or would be.
-DirectoryInputs probe_directory(const std::string& file);
-/// Asks the kernel (adjtimex(2)), which takes no rights.
-ClockInputs probe_clock();
-RealTimeInputs probe_real_time(bool wanted);
-SharedMemoryInputs probe_shared_memory();
-/// Whether a program could have a UDP port, which it takes for a moment: of link's not while link runs.
-PortInputs probe_port(const std::string& listen);
-InterfaceInputs probe_interface(const std::string& name, const std::string& whose);
-/// The way that the kernel would take; nothing is sent.
-RouteInputs probe_route(const std::string& drone, const std::string& address, const std::string& wanted);
-/// Whether link runs here, by its socket.
-bool is_link_running();
-
 /// The client's config of the channel of `one`, as the program makes it.
 Result<fabric::ClientConfig> client_of_channel(Config& config, const ProgramConfig& one);
 

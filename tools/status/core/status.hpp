@@ -1,15 +1,12 @@
 #pragma once
-#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "tools/checks/shell/configs.hpp"
 
 /// What `ledgerline status` reports, and what /proc says of a process, read. Pure.
-/// Looks at this host and asks the peers of its configs. Changes nothing; nothing is written on the ledger.
 namespace ledgerline::status {
 
 /// A program of ours that runs on this host.
@@ -77,12 +74,5 @@ struct Executable {
   bool deleted = false;
 };
 Executable executable_of(const std::string& link);
-
-/// The programs of ours that run on this host, as far as this user may look at them (root: all); by name and pid.
-std::vector<Program> running_programs();
-
-/// What the peers of a program's config say of its channel and drones, asked as its identity; `one.ledger` is there.
-/// Waits `timeout` at most for each answer.
-Ledger query_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds timeout);
 
 }  // namespace ledgerline::status

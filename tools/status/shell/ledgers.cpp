@@ -1,4 +1,4 @@
-#include "tools/status/core/status.hpp"
+#include "tools/status/shell/query.hpp"
 
 #include "chaincode/endorser/core/core.hpp"
 #include "common/config/config.hpp"

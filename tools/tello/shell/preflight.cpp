@@ -21,7 +21,7 @@
 #include "common/program/program.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/checks/shell/probes.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 #include "tools/launcher/preflight.hpp"
 #include "tools/tello/core/reception.hpp"
 #include "tools/tello/shell/talk.hpp"

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "common/fabric/client/in_flight.hpp"
+#include "common/fabric/calls/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry.hpp"

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"

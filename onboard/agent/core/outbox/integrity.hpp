@@ -8,7 +8,7 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/base/random.hpp"
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/retry.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"

@@ -1,5 +1,5 @@
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/calls/repeat.hpp"
 #include "common/verification/calls.hpp"
 
 #include <gmock/gmock.h>

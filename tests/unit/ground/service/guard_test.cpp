@@ -31,7 +31,8 @@ TEST_F(GuardTest, AcceptsTheTokenFromItsOwnPageOrFromNone) {
   head.host = "localhost:8800";
   head.origin = "http://localhost:8800";
   EXPECT_EQ(check(head), 0U);
-  head.authorization = "bearer " + token;
+  const std::string lower = "bearer " + token;
+  head.authorization = lower;
   EXPECT_EQ(check(head), 0U) << "a scheme is read without its case";
 }
 

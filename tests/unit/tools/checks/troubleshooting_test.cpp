@@ -72,7 +72,13 @@ TEST(Troubleshooting, HasWhyAnEndorserDoesNotBeginWithASnapshot) {
   const std::regex refusal(R"re((?:wrong\(|Error\{)[^"]*"(?:\{\}: )?([^"{]{6,}))re");
   std::size_t count = 0;
   for (const char* file : {"core/peer_snapshot.cpp", "../../common/base/file.cpp"}) {
-    const std::string code = *read_file(source / "chaincode/endorser" / file);
+    std::string code = *read_file(source / "chaincode/endorser" / file);
+    // Of common/base/file.cpp, what OwnedFolder says.
+    if (const auto open = code.find("Result<OwnedFolder>"); open != std::string::npos) {
+      const auto check = code.find("Status check(");
+      code = code.substr(check, code.find("\n}", check) - check) +
+             code.substr(open, code.find("std::uint64_t bytes_below") - open);
+    }
     for (std::sregex_iterator match(code.begin(), code.end(), refusal), end; match != end; ++match, ++count)
       EXPECT_THAT(text, HasSubstr("`" + (*match)[1].str() + "`")) << file;
   }

@@ -1,4 +1,4 @@
-#include "common/fabric/client/in_flight.hpp"
+#include "common/fabric/calls/in_flight.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 
 #include <gtest/gtest.h>
 
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 
 namespace ledgerline::fabric {
 namespace {

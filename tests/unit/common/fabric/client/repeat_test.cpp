@@ -1,4 +1,4 @@
-#include "common/fabric/client/repeat.hpp"
+#include "common/fabric/calls/repeat.hpp"
 
 #include <gtest/gtest.h>
 

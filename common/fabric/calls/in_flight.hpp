@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {

@@ -3,7 +3,7 @@
 #include <functional>
 
 #include "common/base/random.hpp"
-#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/calls/outcome.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/retry.hpp"
 
