@@ -14,6 +14,8 @@
 #include <iceoryx_posh/popo/subscriber.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
+#include "onboard/ipc/roudi_probe.hpp"
+
 namespace ledgerline::ipc {
 namespace {
 

@@ -11,7 +11,7 @@
 #include <string>
 
 #include "common/rt/retry.hpp"
-#include "onboard/ipc/ipc.hpp"
+#include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/host_check.hpp"
 
 namespace ledgerline::roudi {

@@ -246,7 +246,7 @@ def test_go_that_is_missing_or_old_is_explained(tmp_path, version):
         shutil.copytree(ROOT / part, tmp_path / part)
     programs = tmp_path / "programs"
     programs.mkdir()
-    for name in ("bash", "cmp", "dirname", "mkdir", "install", "cp", "id", "cat", "sed", "grep", "tr", "nproc"):
+    for name in ("bash", "cmp", "dirname", "mkdir", "install", "cp", "id", "cat", "sed", "grep", "tr", "nproc", "readlink"):
         if found := shutil.which(name):
             (programs / name).symlink_to(found)
     if version:

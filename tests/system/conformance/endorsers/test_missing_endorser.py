@@ -26,7 +26,7 @@ def mute():
 
 @pytest.mark.parametrize("kind", ["absent", "mute"])
 def test_acquire_hand_over_and_stop_go_on_without_the_third_organisations_peer(tmp_path, ledger, enroll, node, request, kind):
-    drone = f"without-{kind}"
+    drone = f"without_{kind}"
     enroll(drone)
     pilot = enroll(organisation=2, user="User2", role="OPERATOR")
     text = tables(ledger, 2).split("[[orderer]]")[0].split("[[msp]]")[0]
