@@ -62,6 +62,24 @@ function(ll_program name)
   add_dependencies(programs ${name})
 endfunction()
 
+# ll_verbs(NAME VERBS verb ... SOURCES ... DEPS ...): a program in libexec/ledgerline that has these verbs of `ledgerline`.
+function(ll_verbs name)
+  cmake_parse_arguments(ARG "" "" "VERBS;SOURCES;DEPS" ${ARGN})
+  set(ROWS)
+  foreach(verb ${ARG_VERBS})
+    string(REPLACE - _ function ${verb})
+    list(APPEND ROWS "{\"${verb}\", command::${function}}")
+  endforeach()
+  list(JOIN ROWS ", " ROWS)
+  set(main ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp)
+  configure_file(${CMAKE_SOURCE_DIR}/tools/command/group.cpp.in ${main} @ONLY)
+  ll_program(${name} SOURCES ${main} ${ARG_SOURCES} DEPS ${ARG_DEPS})
+  target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
+  # Not as one unity: each verb's file has names of its own.
+  set_target_properties(${name} PROPERTIES UNITY_BUILD OFF RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/libexec/ledgerline)
+  add_dependencies(${name} ledgerline)
+endfunction()
+
 # ll_label_test(NAME LABEL...): the labels of a unit test, and which builds it is in.
 function(ll_label_test name)
   add_dependencies(unit_tests ${name})

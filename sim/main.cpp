@@ -21,7 +21,7 @@ Ends at SIGINT or SIGTERM. Exit: 0 ended as asked, 1 something failed, 2 bad usa
 int main(int argc, char** argv) {
   sim::SimOptions options;
   double simulated_s = 0;
-  CommandLine line("sim", about, notes);
+  CommandLine line("ledgerline-sim", about, notes);
   line.renamed("--virtual", "--simulated-time");
   options.add_to(line);
   line.option("--address", options.shell.first_address, "of tello1; the others count up").shows_default();

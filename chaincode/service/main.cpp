@@ -22,7 +22,7 @@ Exit codes: 0 ended by a signal, 1 failed, 2 wrong usage.)";
 
 int main(int argc, char** argv) {
   using namespace ledgerline;
-  CommandLine line("chaincode", "Ledgerline's contract as a chaincode service", notes);
+  CommandLine line("ledgerline-chaincode", "Ledgerline's contract as a chaincode service", notes);
   if (const auto end = line.parse(argc, argv)) return *end;
   const sigset_t signals = block_signals();
   outlive_readers();

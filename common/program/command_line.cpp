@@ -5,13 +5,69 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <numeric>
 #include <sstream>
+#include <utility>
 
 #include "common/base/log.hpp"
 #include "common/base/text.hpp"
 #include "common/program/program.hpp"
 
 namespace ledgerline {
+namespace {
+
+constexpr const char* help_all = "--help-all";
+constexpr const char* more_options = "More options";
+
+std::vector<CLI::App*> verbs_of(CLI::App& app) { return app.get_subcommands({}); }
+
+std::size_t edits_between(const std::string& from, const std::string& to) {  // Levenshtein's
+  std::vector<std::size_t> row(to.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < to.size(); ++j) {
+      const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
+      diagonal = std::exchange(row[j + 1], std::min({replaced, row[j] + 1, row[j + 1] + 1}));
+    }
+  }
+  return row.back();
+}
+
+/// "did you mean --laps?" for the first word that the program does not have; empty: all are known, or none is near.
+std::string suggestion(CLI::App& app, const std::vector<std::string>& arguments) {
+  std::vector<std::string> names, options;
+  const auto add_options = [&](CLI::App& of) {
+    for (const CLI::Option* one : of.get_options()) {
+      for (const std::string& name : one->get_lnames()) options.push_back("--" + name);
+    }
+  };
+  add_options(app);
+  for (CLI::App* verb : verbs_of(app)) {
+    names.push_back(verb->get_name());
+    if (std::ranges::find(arguments, verb->get_name()) != arguments.end()) add_options(*verb);
+  }
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string word = arguments[i].substr(0, arguments[i].find('='));
+    const bool is_option = word.starts_with("--");
+    if (!is_option && i > 0) continue;  // a value
+    const std::vector<std::string>& known = is_option ? options : names;
+    if (std::ranges::find(known, word) != known.end()) continue;
+    const std::string near = nearest_word(word, known);
+    return near.empty() ? "" : "did you mean " + near + "?\n";
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string nearest_word(const std::string& typed, const std::vector<std::string>& known) {
+  constexpr std::size_t max_edits = 2, max_length = 64;  // of what is typed: the work is bounded
+  if (typed.size() > max_length || known.empty()) return "";
+  const auto edits = [&](const std::string& word) { return edits_between(typed, word); };
+  const std::string& near = *std::ranges::min_element(known, {}, edits);
+  return edits(near) <= std::min(max_edits, typed.size() / 2) ? near : "";
+}
 
 std::string utf8_path_problem(const std::string& path) {
   if (path.empty()) return "";
@@ -46,6 +102,7 @@ Option& Option::comma_list(int values) {
 Option& Option::one_at_a_time() { return option_->allow_extra_args(false), *this; }
 Option& Option::needs(const Option& other) { return option_->needs(other.option_), *this; }
 Option& Option::excludes(const Option& other) { return option_->excludes(other.option_), *this; }
+Option& Option::in_help_all() { return option_->group(more_options), *this; }
 bool Option::is_given() const { return option_->count() > 0; }
 
 template <typename T>
@@ -72,7 +129,7 @@ bool Verb::is_given() const { return app_->parsed(); }
 std::string Verb::name() const { return app_->get_name(); }
 
 CommandLine::CommandLine(const std::string& name, const std::string& about, const std::string& notes)
-    : Arguments(nullptr), name_(name), owned_(std::make_unique<CLI::App>(about, "ledgerline-" + name)) {
+    : Arguments(nullptr), name_(name), owned_(std::make_unique<CLI::App>(about, name)) {
   app_ = owned_.get();
   app_->footer(notes);
   app_->set_version_flag("--version", version_line(name), "Print the version and end");
@@ -92,17 +149,11 @@ void CommandLine::verbs_are_optional() {
   for (CLI::App* verb : app_->get_subcommands({})) verb->fallthrough();
 }
 
-namespace {
-std::vector<const CLI::App*> verbs_of(const CLI::App& app) {
-  return app.get_subcommands([](const CLI::App*) { return true; });
-}
-}  // namespace
-
 std::string CommandLine::completions(const std::vector<std::string>& words) const {
-  const CLI::App* at = app_;
+  CLI::App* at = app_;
   const std::string typed = words.empty() ? "" : words.back();
   for (std::size_t i = 0; i + 1 < words.size(); ++i) {
-    for (const CLI::App* verb : verbs_of(*at)) {
+    for (CLI::App* verb : verbs_of(*at)) {
       if (verb->get_name() == words[i]) at = verb;
     }
   }
@@ -135,8 +186,22 @@ std::string CommandLine::completions(const std::vector<std::string>& words) cons
 std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& arguments) {
   if (!arguments.empty() && arguments.front() == completion_word)
     return EarlyEnd{0, completions({arguments.begin() + 1, arguments.end()})};
+  const auto has_more = [this] {
+    return std::ranges::any_of(app_->get_options(), [](const auto* one) { return one->get_group() == more_options; });
+  };
+  std::vector<std::string> words(arguments.rbegin(), arguments.rend());  // CLI11 takes the last one first
+  if (has_more()) {
+    if (std::ranges::find(words, help_all) != words.end()) {
+      words = {"--help"};
+    } else {
+      for (CLI::Option* one : app_->get_options()) {
+        if (one->get_group() == more_options) one->group("");
+      }
+      app_->footer("More options: " + name_ + " " + help_all + "\n\n" + app_->get_footer());
+    }
+  }
   try {
-    app_->parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // CLI11 takes the last one first
+    app_->parse(words);
     return std::nullopt;
   } catch (const CLI::ParseError& end) {
     std::ostringstream text;
@@ -145,6 +210,7 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
       if (code != 0 && std::ranges::find(arguments, before) != arguments.end())
         text << before << " is " << now << " now\n";
     }
+    if (code != 0) text << suggestion(*app_, arguments);
     return EarlyEnd{code == 0 ? 0 : exit_usage, text.str()};
   }
 }
@@ -154,11 +220,21 @@ std::optional<int> CommandLine::parse(int argc, char** argv) {
   report_lost_output();
   const auto end = read({argv + 1, argv + argc});
   if (!end) {
-    init_log(name_);
+    const std::string prefix = "ledgerline ";  // or "ledgerline-": logs do without
+    init_log(name_.size() > prefix.size() ? name_.substr(prefix.size()) : name_);
     return std::nullopt;
   }
   std::fputs(end->text.c_str(), end->exit_code == 0 ? stdout : stderr);
   return end->exit_code;
+}
+
+int run_verb(int argc, char** argv, const std::map<std::string, int (*)(int, char**)>& verbs) {
+  const auto verb = argc > 1 ? verbs.find(argv[1]) : verbs.end();
+  if (verb != verbs.end()) return verb->second(argc - 1, argv + 1);
+  std::fputs("This is started by `ledgerline VERB`; here are:", stderr);
+  for (const auto& [name, main] : verbs) std::fprintf(stderr, " %s", name.c_str());
+  std::fputs("\n", stderr);
+  return exit_usage;
 }
 
 }  // namespace ledgerline

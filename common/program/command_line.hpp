@@ -1,5 +1,6 @@
 #pragma once
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,6 +42,9 @@ class Option {
   Option& one_at_a_time();
   Option& needs(const Option& other);
   Option& excludes(const Option& other);
+
+  /// Few need it: shown by `--help-all` alone.
+  Option& in_help_all();
 
   bool is_given() const;
 
@@ -88,7 +92,8 @@ struct EarlyEnd {
 /// the .cpp alone: programs do not pay for it. One thread.
 class CommandLine : public Arguments {
  public:
-  /// `name` without "ledgerline-"; `about` stands above the options in help, `notes` below them.
+  /// `name` as it is typed, "ledgerline audit" or "ledgerline-agent"; `about` stands above the options in help, `notes`
+  /// below them.
   CommandLine(const std::string& name, const std::string& about, const std::string& notes);
   ~CommandLine();
 
@@ -114,5 +119,11 @@ class CommandLine : public Arguments {
   std::unique_ptr<CLI::App> owned_;
   std::vector<std::pair<std::string, std::string>> renamed_;
 };
+
+/// main() of an executable with several verbs: the first argument says which, and is its `argv[0]`.
+int run_verb(int argc, char** argv, const std::map<std::string, int (*)(int, char**)>& verbs);
+
+/// Of what can be typed, that which was meant by `typed`: at most two letters away. Empty: nothing is that near.
+std::string nearest_word(const std::string& typed, const std::vector<std::string>& known);
 
 }  // namespace ledgerline

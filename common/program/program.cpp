@@ -24,8 +24,17 @@
 
 namespace ledgerline {
 
-std::string version_line(const std::string& program) {
-  return (program.empty() ? "ledgerline" : "ledgerline-" + program) + " " + LEDGERLINE_VERSION;
+std::string version_line(const std::string& program) { return program + " " + LEDGERLINE_VERSION; }
+
+std::filesystem::path build_or_prefix() {
+  std::error_code error;  // gone: relative paths fail where they are used
+  const std::filesystem::path folder = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+  return folder.filename() == "ledgerline" ? folder.parent_path().parent_path() : folder.parent_path();
+}
+
+std::filesystem::path programs_directory() {
+  const char* other = std::getenv("LEDGERLINE_BIN");
+  return other ? std::filesystem::path(other) : build_or_prefix() / "bin";
 }
 
 int fail(const Error& error, int exit_code) {

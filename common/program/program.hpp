@@ -3,6 +3,7 @@
 #include <csignal>
 #include <cstdint>
 #include <ctime>
+#include <filesystem>
 #include <functional>
 #include <initializer_list>
 #include <optional>
@@ -20,8 +21,14 @@ class Config;
 inline constexpr int exit_failed = 1;
 inline constexpr int exit_usage = 2;
 
-/// What --version prints of a program ("agent"; "" is `ledgerline` itself), without a line's end.
+/// What --version prints of a program, which is as it is typed ("ledgerline-agent"), without a line's end.
 std::string version_line(const std::string& program);
+
+/// Where bin/, libexec/ledgerline/ and share/ledgerline/ are, of which this program is in one of the first two:
+/// build/PRESET, or a prefix of installation such as /usr.
+std::filesystem::path build_or_prefix();
+/// The folder of `ledgerline` and the daemons. LEDGERLINE_BIN, for tests, puts others in their place.
+std::filesystem::path programs_directory();
 
 /// Logs what went wrong and returns `exit_code`: `return fail(status.error());`
 int fail(const Error& error, int exit_code = exit_failed);
@@ -107,7 +114,7 @@ void print_status(const std::string& line);
 
 /// A program whose only argument is a TOML file: `argument` is "--config", or a name for a place on the line.
 struct ConfigProgram {
-  std::string name;   ///< without "ledgerline-"
+  std::string name;   ///< as it is typed
   std::string about;  ///< above the options in help
   std::string notes;  ///< below them: examples, keys, exit codes
   std::string argument = "--config";

@@ -44,7 +44,7 @@ Result<Control> read_control(const std::string& drone, const Evaluate& evaluate)
   Assets assets;
   Control control;
   if (auto status = parse_message(*answer, assets); !status) return status.error();
-  if (assets.assets_size() != 1) return Error{drone + " is not enrolled: enroll it first (ledgerline-fly does)"};
+  if (assets.assets_size() != 1) return Error{drone + " is not enrolled: enroll it first (ledgerline fly does)"};
   if (auto status = parse_message(assets.assets(0).msg_data(), control); !status) return status.error();
   if (control.drone() != drone) return Error{fmt::format("control/{} is the record of another", drone)};
   return control;

@@ -124,4 +124,4 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
 
 }  // namespace
 
-int main(int argc, char** argv) { return run_with_config(argc, argv, {"ground", about, notes}, fly); }
+int main(int argc, char** argv) { return run_with_config(argc, argv, {"ledgerline-ground", about, notes}, fly); }

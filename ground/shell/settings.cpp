@@ -125,7 +125,7 @@ void read_requests(Config& config, FlightConfig& flight) {
       {"requests.rule",
        "what becomes of another operator's request for a drone that this ground holds, once it is older than after_s: "
        "hand_over gives it to the highest priority, in flight too; none: the log says it, and a person answers with "
-       "ledgerline-control"},
+       "ledgerline control"},
       {"none", "hand_over", "deny"}, "none");
   if (rule == "hand_over") flight.request_rule = RequestRule::hand_over;
   if (rule == "deny") flight.request_rule = RequestRule::deny;

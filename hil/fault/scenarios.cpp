@@ -12,7 +12,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* installed_folder = "share/ledgerline/scenarios";
 constexpr const char* source_folder = "hil/scenarios";
-constexpr int max_levels = 5;  // from build/PRESET/bin up to the tree
+constexpr int max_levels = 4;  // from build/PRESET up to the tree
 
 bool is_folder(const fs::path& path) {
   std::error_code error;
@@ -33,15 +33,15 @@ std::optional<std::vector<std::string>> in_library(const std::string& name, cons
 
 }  // namespace
 
-Result<std::string> scenario_folder(const std::string& program_folder) {
-  const fs::path beside = fs::path(program_folder).parent_path() / installed_folder;
+Result<std::string> scenario_folder(const std::string& prefix) {
+  const fs::path beside = fs::path(prefix) / installed_folder;
   if (is_folder(beside)) return beside.string();
-  fs::path tree = program_folder;
+  fs::path tree = prefix;
   for (int level = 0; level < max_levels && tree.has_relative_path(); ++level, tree = tree.parent_path()) {
     if (is_folder(tree / source_folder)) return (tree / source_folder).string();
   }
   return Error{fmt::format("the scenarios that come with the program are neither in {} nor in {} of a tree around {}",
-                           beside.string(), source_folder, program_folder)};
+                           beside.string(), source_folder, prefix)};
 }
 
 Result<std::vector<std::string>> scripts_in(const std::string& folder) {
@@ -58,7 +58,7 @@ Result<std::vector<std::string>> scripts_in(const std::string& folder) {
 }
 
 Result<std::vector<std::string>> scripts_named(const std::vector<std::string>& names,
-                                               const std::string& program_folder) {
+                                               const std::string& prefix) {
   std::vector<std::string> files;
   for (const std::string& name : names) {
     std::error_code error;
@@ -69,7 +69,7 @@ Result<std::vector<std::string>> scripts_named(const std::vector<std::string>& n
     } else if (fs::exists(name, error)) {
       files.push_back(name);
     } else {
-      const auto folder = scenario_folder(program_folder);
+      const auto folder = scenario_folder(prefix);
       if (!folder) return Error{fmt::format("there is no file {}, and {}", name, folder.error().message)};
       const auto found = in_library(name, *folder);
       if (!found)

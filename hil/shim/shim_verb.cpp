@@ -105,7 +105,7 @@ volatile std::sig_atomic_t halted = 0;
 void toggle_halt(int) { halted = halted ? 0 : 1; }
 
 void say_ready() {
-  std::puts(R"({"ready":true,"program":"ledgerline-hil"})");
+  std::puts(R"({"ready":true,"program":"ledgerline hil"})");
   std::fflush(stdout);
 }
 
@@ -392,7 +392,7 @@ int ShimVerb::run() {
     spdlog::info("{} drone(s) behind {}, mocap {} Hz", count, flight_.memory, drones_.shell.parameters.mocap_hz);
     return std::unique_ptr<sim::DroneWire>(std::move(*wire));
   };
-  return exit_code(sim::run_real_time(drones_.shell, open, R"({"ready":true,"program":"ledgerline-hil"})"));
+  return exit_code(sim::run_real_time(drones_.shell, open, R"({"ready":true,"program":"ledgerline hil"})"));
 }
 
 int ShimVerb::fly_by_script() {

@@ -26,7 +26,7 @@ usage or config)";
 
 int main(int argc, char** argv) {
   using namespace ledgerline;
-  CommandLine line("link", about, notes);
+  CommandLine line("ledgerline-link", about, notes);
   std::string config;
   line.option("--config", config, "TOML file: [[drone]], [state], [limits], [fence], [failsafe], [realtime], [output]")
       .required();

@@ -81,7 +81,7 @@ int run(const std::string& summary_file) {
 
 int main(int argc, char** argv) {
   using namespace ledgerline;
-  CommandLine line("roudi", roudi::about, roudi::notes);
+  CommandLine line("ledgerline-roudi", roudi::about, roudi::notes);
   std::string summary;
   line.option("--summary", summary, "Write here at the end: chunks in use by size, and how many were lost");
   if (const auto end = line.parse(argc, argv)) return *end;

@@ -26,7 +26,7 @@ def needs_fabric() -> None:
 
 def fabric(*words) -> subprocess.CompletedProcess:
     """`ledgerline fabric ...` to its end."""
-    return subprocess.run([BIN / "ledgerline-fabric", *words], capture_output=True, text=True, timeout=TIMEOUT_S)
+    return subprocess.run([BIN / "ledgerline", "fabric", *words], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 def processes_in(directory: pathlib.Path) -> dict[str, dict]:
@@ -55,7 +55,7 @@ class Network:
         self.summary = directory.with_suffix(".json")
         self.log_file = directory.with_suffix(".log")
         self.process = subprocess.Popen(
-            command(BIN / "ledgerline-fabric", "run", "--dir", directory, "--tools", FABRIC, "--summary", self.summary, *options),
+            command(BIN / "ledgerline", "fabric", "run", "--dir", directory, "--tools", FABRIC, "--summary", self.summary, *options),
             stdout=subprocess.PIPE, stderr=open(self.log_file, "ab"), text=True, preexec_fn=die_with_parent)
 
     def wait_ready(self) -> "Network":

@@ -1,4 +1,4 @@
-"""One flight of ledgerline-fly, as a person starts it, watched from outside."""
+"""One flight of ledgerline fly, as a person starts it, watched from outside."""
 import contextlib
 import json
 import os
@@ -36,7 +36,7 @@ def no_flight_outlives_its_test():
 def fly(out: pathlib.Path, *options: str) -> subprocess.Popen:
     out.mkdir(exist_ok=True)
     log = open(out / "fly.out", "wb")
-    started.append(subprocess.Popen([BIN / "ledgerline-fly", "--out", out / "run", "--json", out / "result.json", *options],
+    started.append(subprocess.Popen([BIN / "ledgerline", "fly", "--out", out / "run", "--json", out / "result.json", *options],
                                     stdout=log, stderr=subprocess.STDOUT))
     return started[-1]
 
@@ -50,7 +50,7 @@ def result(out: pathlib.Path) -> dict:
 
 
 def as_user(run: pathlib.Path, organisation: int, user: str) -> pathlib.Path:
-    """The config of ledgerline-control of another user than the flight's operator."""
+    """The config of ledgerline control of another user than the flight's operator."""
     text = (run / "operator.toml").read_text().replace("Org2MSP", f"Org{organisation}MSP")
     config = run / f"org{organisation}-{user}.toml"
     config.write_text(re.sub(r'msp_dir = ".*"', f'msp_dir = "{user_dir(run, organisation, user)}"', text))
@@ -70,7 +70,7 @@ def enroll_operator(run: pathlib.Path, organisation: int, user: str) -> pathlib.
 
 
 def control(config: pathlib.Path, *words) -> None:
-    subprocess.run([BIN / "ledgerline-control", "--config", config, *words], check=True, timeout=30, stdout=subprocess.DEVNULL)
+    subprocess.run([BIN / "ledgerline", "control", "--config", config, *words], check=True, timeout=30, stdout=subprocess.DEVNULL)
 
 
 def our_processes() -> dict[int, str]:

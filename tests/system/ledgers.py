@@ -111,7 +111,7 @@ class Fabric(Ledger):
     name = "fabric"
 
     def command(self) -> list:
-        return [BIN / "ledgerline-fabric", "run", "--dir", self.directory, "--tools", FABRIC, *self.options]
+        return [BIN / "ledgerline", "fabric", "run", "--dir", self.directory, "--tools", FABRIC, *self.options]
 
     def peer(self, organisation: int) -> tuple[str, pathlib.Path]:
         return self.ready["peers"][organisation - 1], self.ca_file(organisation)

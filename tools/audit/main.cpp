@@ -11,6 +11,7 @@
 #include "common/program/program.hpp"
 #include "tools/audit/chain_audit.hpp"
 #include "tools/audit/source.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace {
 
@@ -114,7 +115,7 @@ Exit codes: 0 nothing found; 1 something is not as it must be: the last line nam
 2 bad usage, or nothing that can be read.)";
 
 void add_options(CommandLine& line, Options& o) {
-  line.option("--config", o.config, "TOML file with [ledger], as of ledgerline-control: audit what that peer has")
+  line.option("--config", o.config, "TOML file with [ledger], as of ledgerline control: audit what that peer has")
       .existing_file();
   line.option("--blocks", o.blocks, "Audit this copy of a chain");
   line.option("--anchor", o.anchor, "A config block of the channel that you trust (CHANNEL.block)").existing_file();
@@ -130,8 +131,8 @@ void add_options(CommandLine& line, Options& o) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("audit", about, notes);
+int ledgerline::command::audit(int argc, char** argv) {
+  CommandLine line("ledgerline audit", about, notes);
   line.renamed("--patience", "--timeout");
   Options o;
   add_options(line, o);

@@ -1,5 +1,5 @@
 // One side of a two-way exchange as Ledgerline does it: agent's batching and pacing of frames over the ledger client
-// that agent and ground use. Started by ledgerline-bench.
+// that agent and ground use. Started by ledgerline bench.
 #include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>

@@ -103,7 +103,7 @@ Status Network::up() {
     command.insert(command.begin(), place_.programs / "ledgerline-node");
     command.insert(command.end(), {"--listen", "127.0.0.1:0"});
   } else {
-    command.insert(command.begin(), {place_.programs / "ledgerline-fabric", "run"});
+    command.insert(command.begin(), {place_.programs / "ledgerline", "fabric", "run"});
     command.insert(command.end(), {"--tools", place_.fabric, "--orderers", std::to_string(settings_.orderers)});
     command.insert(command.end(), place_.network_options.begin(), place_.network_options.end());
   }
@@ -172,7 +172,8 @@ Status Network::enroll() {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(access(2).msp_dir + "/signcerts", error)) certificate = entry.path();
   if (auto s = write_file(dir_ / "admin.toml", ledger_table(admin)); !s) return s;
-  std::vector<std::string> command{place_.programs / "ledgerline-control",
+  std::vector<std::string> command{place_.programs / "ledgerline",
+                                   "control",
                                    "--config",
                                    dir_ / "admin.toml",
                                    "enroll",

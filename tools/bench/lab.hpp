@@ -15,7 +15,7 @@ namespace ledgerline::bench {
 /// Where everything is.
 struct Place {
   std::filesystem::path dir;       ///< of networks and clients, made here
-  std::filesystem::path programs;  ///< ledgerline-fabric, ledgerline-node, ledgerline-control, two_way_client
+  std::filesystem::path programs;  ///< ledgerline, ledgerline-node, two_way_client
   std::filesystem::path fabric;    ///< Fabric's own programs
   std::filesystem::path node;      ///< Node.js
   std::filesystem::path script;    ///< node/client.cjs

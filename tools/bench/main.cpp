@@ -10,6 +10,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/bench/measurement.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace {
@@ -47,13 +48,11 @@ Examples:
 
 Exit codes: 0 measured (a client that collapses is a figure), 1 failed or interrupted, 2 wrong usage.)";
 
-/// build/PRESET/bin/ledgerline-bench: the rest of the tree is found from there.
+/// Of the tree that this is built in.
 void find_programs(Options& o) {
   std::error_code error;
-  const char* other = std::getenv("LEDGERLINE_BIN");
-  const fs::path own = fs::read_symlink("/proc/self/exe", error).parent_path();
-  const fs::path build = own.parent_path().parent_path();
-  o.place.programs = other ? fs::path(other) : own;
+  const fs::path build = build_or_prefix().parent_path();
+  o.place.programs = programs_directory();
   o.place.script = build.parent_path() / "tools/bench/node/client.cjs";
   if (o.place.fabric.empty()) o.place.fabric = build / "fabric";
   if (o.place.npm.empty()) o.place.npm = build / "npm";
@@ -167,8 +166,8 @@ void add_options(Verb verb, Options& o) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("bench", "Benchmarks against other designs", "");
+int ledgerline::command::bench(int argc, char** argv) {
+  CommandLine line("ledgerline bench", "Benchmarks against other designs", "");
   Options o;
   add_options(line.verb("two-way", about, notes), o);
   if (const auto end = line.parse(argc, argv)) return *end;

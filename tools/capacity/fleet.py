@@ -164,10 +164,9 @@ class Fleet:
 
     # Starting and ending.
     def start_program(self, kind: str, name: str, words: list, drones: list[Drone], host: DroneHost | None = None) -> Program:
-        path = self.programs / f"ledgerline-{kind}"
-        if not path.exists():
-            raise Failed(f"{path.name} is not built: ninja -C build/release {path.name}")
-        command = [path, *words]
+        command = [self.programs / "ledgerline", "fabric", *words] if kind == "fabric" else [self.programs / f"ledgerline-{kind}", *words]
+        if not command[0].exists():
+            raise Failed(f"{command[0].name} is not built: ninja -C build/release programs")
         one = Program(kind, host.command(*command) if host else command, self.run / f"{name}.log", len(drones), self.streams(drones))
         self.running.append(one)
         return one
@@ -205,7 +204,7 @@ class Fleet:
 
     def control(self, who: tuple[int, str], channel: int, *words, limit_s: float = READY_S) -> str:
         file = self.write(f"control-{who[0]}-{who[1]}-{channel}", self.tables(who, [channel], trusted=False))
-        done = subprocess.run([self.programs / "ledgerline-control", "--config", file, *words], capture_output=True, text=True, timeout=limit_s)
+        done = subprocess.run([self.programs / "ledgerline", "control", "--config", file, *words], capture_output=True, text=True, timeout=limit_s)
         if done.returncode != 0:
             raise Failed(f"control {' '.join(map(str, words))}: {done.stderr.strip()}")
         return done.stdout

@@ -1,17 +1,20 @@
-// ledgerline VERB ...: runs ledgerline-VERB, which lies beside this program or on PATH, as git does.
+// ledgerline VERB ...: becomes the program in libexec that has the verb (verbs.hpp).
+#include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "common/base/text.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace ledgerline {
 /// Scripts for these shells, which ask `ledgerline __complete` for each word: completion.cpp, made by CMake.
@@ -21,36 +24,27 @@ extern const char* const zsh_completion;
 
 namespace {
 
-namespace fs = std::filesystem;
 using ledgerline::exit_usage;
+using ledgerline::command::VerbRow;
+using ledgerline::command::verbs;
 
-const std::string prefix = "ledgerline-";
-
-fs::path own_directory() {
-  std::error_code error;
-  return fs::read_symlink("/proc/self/exe", error).parent_path();
-}
-
-std::set<std::string> verbs_in(const fs::path& directory) {
-  std::set<std::string> verbs;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(directory, error)) {
-    const std::string name = entry.path().filename();
-    if (name.rfind(prefix, 0) == 0 && ::access(entry.path().c_str(), X_OK) == 0)
-      verbs.insert(name.substr(prefix.size()));
-  }
-  return verbs;
+std::filesystem::path program_of(const VerbRow& verb) {
+  return ledgerline::build_or_prefix() / "libexec/ledgerline" / verb.program;
 }
 
 void help(std::FILE* to) {
-  std::fprintf(
-      to,
-      "Usage: ledgerline VERB [options]\n"
-      "Runs ledgerline-VERB; `ledgerline VERB --help` says what it does, `ledgerline --version` what version this "
-      "is.\n\n"
-      "Examples:\n  ledgerline fly --drones 3\n  ledgerline control --config operator.toml stop tello1\n\nVerbs:");
-  for (const std::string& verb : verbs_in(own_directory())) std::fprintf(to, " %s", verb.c_str());
-  std::fprintf(to, "\n\n`ledgerline completion bash` (or zsh) prints what completes all this in that shell.\n");
+  fmt::print(to,
+             "Usage: ledgerline VERB [options]\n"
+             "`ledgerline VERB --help` says what a verb does. Services have programs of their own: ledgerline-link, "
+             "-agent, -roudi, -ground,\n-bridge, -node, -endorser, -chaincode, -sim.\n");
+  std::string_view group;
+  for (const VerbRow& verb : verbs) {
+    if (std::exchange(group, verb.group) != verb.group) fmt::print(to, "\n{}\n", verb.group);
+    fmt::print(to, "  {:<14} {}\n", verb.name, verb.about);
+  }
+  fmt::print(to,
+             "\nExamples:\n  ledgerline fly --drones 3\n  ledgerline control --config operator.toml stop tello1\n\n"
+             "`ledgerline completion bash` (or zsh) prints what completes all this in that shell.\n");
 }
 
 int print_completion(const std::string& shell) {
@@ -62,55 +56,61 @@ int print_completion(const std::string& shell) {
   return 0;
 }
 
-/// What the first word may become.
-void print_verbs(const std::string& typed) {
-  std::set<std::string> words = verbs_in(own_directory());
-  words.insert({"completion", "help", "version"});
-  for (const std::string& word : words) {
-    if (word.starts_with(typed)) std::printf("%s\n", word.c_str());
+/// What can be typed first.
+std::vector<std::string> first_words() {
+  std::vector<std::string> words{"completion", "help", "version"};
+  for (const VerbRow& verb : verbs) words.emplace_back(verb.name);
+  std::ranges::sort(words);
+  return words;
+}
+
+/// Becomes the program that has the verb; returns where that fails.
+int run(const VerbRow& verb, const std::vector<std::string>& words) {
+  std::vector<char*> arguments{const_cast<char*>("ledgerline")};
+  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  const std::string program = program_of(verb);
+  ::execv(program.c_str(), arguments.data());
+  if (errno == ENOENT)
+    fmt::print(stderr, "ledgerline: {} is not here: it has {}; install its package, or build it\n", program, verb.name);
+  else
+    fmt::print(stderr, "ledgerline: {} cannot be run: {}\n", program, std::strerror(errno));
+  return ledgerline::exit_failed;
+}
+
+/// `words`: what was typed behind `ledgerline`, the last one perhaps in part.
+int complete(const std::vector<std::string>& words) {
+  if (words.size() <= 1) {
+    const std::string typed = words.empty() ? "" : words.front();
+    for (const std::string& word : first_words()) {
+      if (word.starts_with(typed)) ledgerline::print_line(word);
+    }
+    return 0;
   }
+  if (words.front() == "completion") return ledgerline::print_line("bash\nzsh"), 0;
+  const auto verb = std::ranges::find(verbs, words.front(), &VerbRow::name);
+  // What may stand behind a verb its own program knows.
+  if (verb == verbs.end() || ::access(program_of(*verb).c_str(), X_OK) != 0) return 0;
+  std::vector<std::string> question = words;
+  question.insert(question.begin() + 1, ledgerline::completion_word);
+  return run(*verb, question);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::string verb = argc > 1 ? argv[1] : "";
-  if (verb == "--help" || verb == "-h" || verb == "help") {
-    help(stdout);
-    return 0;
-  }
-  if (verb == "--version" || verb == "version") {
-    ledgerline::print_line(ledgerline::version_line(""));
-    return 0;
-  }
-  if (verb.empty() || verb.front() == '-' || verb.find('/') != std::string::npos) {
-    help(stderr);
-    return exit_usage;
-  }
-  if (verb == "completion") return print_completion(argc == 3 ? argv[2] : "");
-  const bool completes = verb == ledgerline::completion_word;
-  if (completes && argc <= 3) {
-    print_verbs(argc == 3 ? argv[2] : "");
-    return 0;
-  }
-  if (completes && std::string(argv[2]) == "completion") {
-    std::printf("bash\nzsh\n");
-    return 0;
-  }
-  // What may stand behind a verb its own program knows.
-  const std::string name = prefix + (completes ? argv[2] : verb);
-  std::vector<char*> command(argv + 1, argv + argc);
-  if (completes) std::swap(command[0], command[1]);
-  command[0] = const_cast<char*>(name.c_str());
-  command.push_back(nullptr);
-  ::execv((own_directory() / name).c_str(), command.data());
-  if (errno == ENOENT) ::execvp(name.c_str(), command.data());
-  if (completes) return 0;
-  if (errno != ENOENT) {
-    std::fprintf(stderr, "ledgerline: %s cannot be run: %s\n", name.c_str(), std::strerror(errno));
-    return 1;
-  }
-  std::fprintf(stderr, "ledgerline: there is no verb \"%s\"\n\n", verb.c_str());
-  help(stderr);
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  const std::string first = words.empty() ? "" : words.front();
+  if (first == "--help" || first == "-h" || first == "help") return help(stdout), 0;
+  if (first == "--version" || first == "version")
+    return ledgerline::print_line(ledgerline::version_line("ledgerline")), 0;
+  if (first == "completion") return print_completion(words.size() == 2 ? words[1] : "");
+  if (first == ledgerline::completion_word) return complete({words.begin() + 1, words.end()});
+  const auto verb = std::ranges::find(verbs, first, &VerbRow::name);
+  if (verb != verbs.end()) return run(*verb, words);
+  if (first.empty()) return help(stderr), exit_usage;
+  const std::string near = ledgerline::nearest_word(first, first_words());
+  fmt::print(stderr, "ledgerline: there is no verb \"{}\"; {}\n", ledgerline::printable(first),
+             near.empty() ? "`ledgerline --help` lists them" : "did you mean " + near + "?");
   return exit_usage;
 }

@@ -3,6 +3,7 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/configuration/config_file.hpp"
 
 namespace {
@@ -18,8 +19,8 @@ Exit codes: 0 printed; 2 no such part)";
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("configuration", about, notes);
+int ledgerline::command::configuration(int argc, char** argv) {
+  CommandLine line("ledgerline configuration", about, notes);
   std::string name;
   line.option("PART", name, "this part alone, such as link or \"The ledger\"");
   if (const auto exit_code = line.parse(argc, argv)) return *exit_code;

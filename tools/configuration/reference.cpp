@@ -92,7 +92,7 @@ const std::vector<Source>& sources() {
          return done;
        }},
       {"ground",
-       "`ledgerline-ground --config ground.toml`, and `ledgerline-local`, which reads `[flight]`, `[[drone]]`, "
+       "`ledgerline-ground --config ground.toml`, and `ledgerline local`, which reads `[flight]`, `[[drone]]`, "
        "`[output]` and `[dds]` alone.",
        {ledger, channels, topics, dds},
        read_ground},
@@ -248,9 +248,9 @@ std::string show(const Part& part) {
 std::string page() {
   std::string text =
       "# Every key of every program\n\n"
-      "Made by `ledgerline-configuration` out of what the programs' readers ask for, so it cannot lag behind them; a "
+      "Made by `ledgerline configuration` out of what the programs' readers ask for, so it cannot lag behind them; a "
       "test "
-      "compares. Change a\nreader, then `build/release/bin/ledgerline-configuration > docs/configuration.md`.\n\n"
+      "compares. Change a\nreader, then `build/release/bin/ledgerline configuration > docs/configuration.md`.\n\n"
       "Files are TOML. A key that is missing has its default; one that is unknown, of the wrong type or out of its "
       "range is an "
       "error that names file,\nline and key, and the program does not start. Relative paths count from where the "

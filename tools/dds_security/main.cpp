@@ -7,6 +7,7 @@
 #include "common/dds/dds.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace {
 
@@ -62,8 +63,8 @@ Exit codes: 0 done, 1 not so, 2 bad usage.)";
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("dds-security", about, notes);
+int ledgerline::command::dds_security(int argc, char** argv) {
+  CommandLine line("ledgerline dds-security", about, notes);
   Options options;
   line.option("--ca", options.ca, "the authority's certificate, PEM").required();
   line.option("--ca-key", options.ca_key, "its private key, PEM").required();

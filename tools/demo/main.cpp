@@ -1,4 +1,4 @@
-// ledgerline demo: a flight of ledgerline-fly with a page and two operators, and explanations for a first-time viewer.
+// ledgerline demo: `ledgerline fly` with a page and two operators, and explanations for a first-time viewer.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -11,6 +11,7 @@
 
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace {
 
@@ -25,11 +26,6 @@ constexpr const char* notes = R"(Examples:
   ledgerline demo --open
 It is `ledgerline fly --drones 3 --shape manual --watch --operators alice,bob`, which has more options.
 Exit codes: 0 ended, and nothing went wrong; 1 not so (a stopped drone is something that went wrong); 2 bad usage.)";
-
-fs::path own_directory() {
-  std::error_code error;
-  return fs::read_symlink("/proc/self/exe", error).parent_path();
-}
 
 void tell(const fs::path& mission) {
   fmt::print(
@@ -52,17 +48,23 @@ Backspace on the page stops all. Ctrl-C here lands all, and ends it.
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("demo", about, notes);
+int ledgerline::command::demo(int argc, char** argv) {
+  CommandLine line("ledgerline demo", about, notes);
   bool opens = false;
   std::string out;
   line.flag("--open", opens, "Open the page in the browser, where there is xdg-open");
   line.option("--out", out, "Directory of the run; else chosen by the time");
   if (const auto end = line.parse(argc, argv)) return *end;
-  const fs::path own = own_directory();
-  tell((own / "../share/ledgerline/examples/mission-two.csv").lexically_normal());
-  std::vector<std::string> words{
-      (own / "ledgerline-fly").string(), "--drones", "3", "--shape", "manual", "--watch", "--operators", "alice,bob"};
+  tell(build_or_prefix() / "share/ledgerline/examples/mission-two.csv");
+  std::vector<std::string> words{programs_directory() / "ledgerline",
+                                 "fly",
+                                 "--drones",
+                                 "3",
+                                 "--shape",
+                                 "manual",
+                                 "--watch",
+                                 "--operators",
+                                 "alice,bob"};
   if (opens) words.emplace_back("--open");
   if (!out.empty()) words.insert(words.end(), {"--out", out});
   std::vector<char*> command;

@@ -34,8 +34,8 @@ struct OwnFlight {
 /// A network that runs already: TOML of [ledger], [[orderer]] and so on, as it was in the files that were named.
 struct OwnLedger {
   std::string agent, ground;  ///< for their configs, with [[msp]]
-  std::string pilot;          ///< for ledgerline-control as ground's identity, who acquires the drones
-  std::string admin;          ///< for ledgerline-control as who enrols agent; empty: it is enrolled
+  std::string pilot;          ///< for ledgerline control as ground's identity, who acquires the drones
+  std::string admin;          ///< for ledgerline control as who enrols agent; empty: it is enrolled
   std::string agent_msp_id, ground_msp_id;
   crypto::IdentityFiles agent_files, ground_files;
 };

@@ -11,6 +11,7 @@
 #include "tools/checks/shell/configs.hpp"
 #include "tools/checks/shell/host_probe.hpp"
 #include "tools/checks/shell/probes.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace {
 
@@ -159,8 +160,8 @@ void check_ledger(const Configs& configs, std::chrono::milliseconds timeout, Fin
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("doctor", about, notes);
+int ledgerline::command::doctor(int argc, char** argv) {
+  CommandLine line("ledgerline doctor", about, notes);
   line.renamed("--patience", "--timeout");
   Options options;
   line.option("--config-dir", options.dir, "where the configs are").shows_default();

@@ -66,12 +66,12 @@ def proxy_files(run: pathlib.Path, host: str, wifi: str, seed: int) -> list:
 
 
 def fly(program, run: pathlib.Path, options: dict, seed: int, limit_s: float) -> bool:
-    """`program` gives a program's path by its name. True when ground says that the path was finished."""
+    """`program` gives the words that start a program, by its name. True when ground says that the path was finished."""
     run.mkdir(parents=True)
     started = []
 
     def start(space: Namespace, name: str, *words, ready: bool = True) -> Program:
-        one = Program(space, name, [program(name.split("-")[0]), *words], run)
+        one = Program(space, name, [*program(name.split("-")[0]), *words], run)
         started.append(one)
         return one.wait_ready() if ready else one
 

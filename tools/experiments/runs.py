@@ -19,10 +19,11 @@ HERE = pathlib.Path(__file__).resolve().parent
 TIMEOUT_S = 900     # beyond what was asked: only how long something broken may take
 LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
-PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local", "roudi",
-                       "control"],
-            "sitl": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode", "hil"],
-            "hosts": ["link", "agent", "ground", "sim", "node", "hil", "roudi", "control"]}
+DAEMONS = ("agent", "bridge", "chaincode", "endorser", "ground", "link", "node", "roudi", "sim")
+# Below bin/ and libexec/ledgerline/.
+PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "ledger", "chaincode", "measure", "roudi", "station"],
+            "sitl": ["fault"], "exchange": ["measure", "node", "ledger", "chaincode", "fault"],
+            "hosts": ["link", "agent", "ground", "sim", "node", "fault", "roudi", "station"]}
 SOURCES = {"exchange": [HERE.parent / "bench/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "python/netns.py", HERE.parent / "python/running.py"]}
 STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
 FULL_SCALE_MPS = 1.0                # what a drone can be commanded at most, where nothing else is asked for: rc 100
@@ -44,11 +45,12 @@ class Place:
     ledger: str             # embedded or fabric
     storage: str            # of the ledger where a case does not say: disk or tmpfs
 
-    def program(self, name: str) -> pathlib.Path:
-        path = self.programs / f"ledgerline-{name}"
-        if not path.exists():
-            raise NotMeasured(f"{path.name} is not built: ninja -C build/release {path.name}")
-        return path
+    def program(self, name: str) -> list:
+        """The words that start a daemon, or a verb of `ledgerline`."""
+        words = [self.programs / f"ledgerline-{name}"] if name in DAEMONS else [self.programs / "ledgerline", name]
+        if not words[0].exists():
+            raise NotMeasured(f"{words[0].name} is not built: ninja -C build/release programs")
+        return words
 
 
 def digest(place: Place, runs: str) -> str:
@@ -56,7 +58,8 @@ def digest(place: Place, runs: str) -> str:
     sources = [HERE / name for name in ("runs.py", "traces.py", "verdicts.py")] + [HERE.parent / "python/trace_file.py"] + SOURCES.get(runs, [])
     total = hashlib.sha256(b"".join(source.read_bytes() for source in sources))
     for name in PROGRAMS[runs]:
-        path = place.programs / f"ledgerline-{name}"
+        folder = place.programs if name in DAEMONS else place.programs.parent / "libexec/ledgerline"
+        path = folder / f"ledgerline-{name}"
         if path.exists():
             total.update(name.encode() + hashlib.sha256(path.read_bytes()).digest())
     return total.hexdigest()[:16]
@@ -193,7 +196,7 @@ def flown(records, paths: dict) -> dict:
 def flight(case: Case, place: Place, seed: int) -> dict:
     options = flight_options(case, place, seed)
     run, result, log = place.work / "run", place.work / "result.json", place.work / "fly.log"
-    command = [place.program("fly"), "--out", run, "--json", result, *words(options)]
+    command = [*place.program("fly"), "--out", run, "--json", result, *words(options)]
     code, _ = run_program(command, log, TIMEOUT_S + options.get("seconds", 0))
     if code in (1, 2) and not result.exists():
         raise NotMeasured(f"fly {' '.join(words(options))}: {tail(log)}")
@@ -219,7 +222,7 @@ def flight(case: Case, place: Place, seed: int) -> dict:
 def sitl(case: Case, place: Place, seed: int) -> dict:
     log = place.work / "hil.log"
     options = {**case.options, "seed": seed}
-    code, printed = run_program([place.program("hil"), "sitl", *words(options)], log, TIMEOUT_S)
+    code, printed = run_program([*place.program("hil"), "sitl", *words(options)], log, TIMEOUT_S)
     if code == 2:
         raise NotMeasured(f"hil sitl {' '.join(words(options))}: {tail(log)}")
     try:
@@ -254,7 +257,7 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
     options |= {"alternations": 1, "npm": place.npm, "fabric": place.fabric, "json": result}
     with tempfile.TemporaryDirectory(prefix="ledgerline-experiment-",
                                      dir="/dev/shm" if place.storage == "tmpfs" else place.work) as ledgers:
-        code, _ = run_program([place.program("bench"), "two-way", "--dir", ledgers, *words(options)], log, 2 * TIMEOUT_S)
+        code, _ = run_program([*place.program("bench"), "two-way", "--dir", ledgers, *words(options)], log, 2 * TIMEOUT_S)
     if code != 0 or not result.exists():
         raise NotMeasured(ending("bench two-way", code, log))
     out = json.loads(result.read_text())

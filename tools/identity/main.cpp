@@ -13,6 +13,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/identity/core/authority_commands.hpp"
 #include "tools/identity/shell/place.hpp"
 
@@ -268,8 +269,8 @@ int run(Options& options, const std::string& verb) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("identity", about, notes);
+int ledgerline::command::identity(int argc, char** argv) {
+  CommandLine line("ledgerline identity", about, notes);
   Options options;
   Verb enroll = line.verb("enroll", "make a key here, and have its certificate made");
   enroll.option("NAME", options.name, "who was registered at the authority").required();

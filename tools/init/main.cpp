@@ -6,6 +6,7 @@
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/init/core/host.hpp"
 
 namespace {
@@ -142,8 +143,8 @@ std::string fault_of(const Options& options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("init", about, notes);
+int ledgerline::command::init(int argc, char** argv) {
+  CommandLine line("ledgerline init", about, notes);
   Options options;
   bool example = false;
   std::string request, certificate, collect;

@@ -61,7 +61,7 @@ Status write_proxy_config(const RunFiles& files, const Options& options, const L
 /// The addresses of a proxy's servers by name ("agent", "ground", "agent-orderer1" ...); empty: no proxy.
 using Proxied = std::map<std::string, std::string>;
 
-/// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline-control.
+/// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline control.
 /// `proxied`: what agent and ground are given in the place of `places`.
 Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
                      const Proxied& proxied = {});

@@ -40,7 +40,7 @@ std::vector<std::string> programs_of(const Options& options) {
   return names;
 }
 
-/// What the programs of a flight use while it lasts, for its record and for ledgerline-timing.
+/// What the programs of a flight use while it lasts, for its record and for ledgerline timing.
 class UsageMeter {
  public:
   UsageMeter(const Children& children, const std::vector<std::string>& programs, RunRecord& record)
@@ -205,7 +205,7 @@ Status Launcher::start_sim() {
   return programs_.start("sim", arguments, "hil");
 }
 
-// For ledgerline-timing; the flight does not depend on it.
+// For ledgerline timing; the flight does not depend on it.
 void Launcher::write_usage(const timing::UsageRecord& usage) {
   const auto written = write_file(files_.in(timing::usage_file), timing::to_json(usage).dump() + "\n");
   if (!written) live_.print(written.error().message);

@@ -12,6 +12,7 @@
 #include "common/base/file.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"
@@ -24,25 +25,15 @@ using namespace ledgerline;
 namespace fs = std::filesystem;
 
 const char* const lock_file = "/tmp/ledgerline-fly.lock";
-fs::path own_directory() {
-  std::error_code error;
-  return fs::read_symlink("/proc/self/exe", error).parent_path();
-}
 
-// LEDGERLINE_BIN is for tests that put other programs in their place.
-fs::path programs_directory() {
-  const char* other = std::getenv("LEDGERLINE_BIN");
-  return other ? fs::path(other) : own_directory();
-}
-
-// build/PRESET/bin/ledgerline-fly -> build/runs/TIME; elsewhere: ./runs/TIME.
+// In the tree's build folder: build/runs/TIME; elsewhere: ./runs/TIME.
 Result<fs::path> default_run_directory() {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
   localtime_r(&now, &local);
   char name[64];
   std::strftime(name, sizeof name, "%Y%m%d-%H%M%S", &local);
-  const fs::path build = own_directory().parent_path().parent_path();
+  const fs::path build = build_or_prefix().parent_path();
   if (build.filename() == "build") return build / "runs" / name;
   std::error_code error;
   const fs::path here = fs::current_path(error);
@@ -50,7 +41,7 @@ Result<fs::path> default_run_directory() {
   return here / "runs" / name;
 }
 
-int fail(const std::string& what) {
+int failed(const std::string& what) {
   fmt::print(stderr, "fly: {}\n", what);
   return EXIT_FAILURE;
 }
@@ -103,15 +94,15 @@ int fly_and_report(const launcher::Options& options, const launcher::RunFiles& f
     if (written) written = shown;
   }
   std::cout.flush();
-  if (!results.ok) return fail(results.why);
-  if (!written) return fail(written.error().message);
+  if (!results.ok) return failed(results.why);
+  if (!written) return failed(written.error().message);
   return std::cout ? EXIT_SUCCESS
-                   : fail("standard output took less than the whole report: no room, or nobody reads it");
+                   : failed("standard output took less than the whole report: no room, or nobody reads it");
 }
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int ledgerline::command::fly(int argc, char** argv) {
   report_uncaught_file_errors();
   const launcher::ParsedOptions asked = launcher::parse_command_line({argv + 1, argv + argc});
   if (!asked.fly) {
@@ -119,13 +110,13 @@ int main(int argc, char** argv) {
     return asked.exit_code;
   }
   const Result<fs::path> out = asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out);
-  if (!out) return fail(out.error().message);
+  if (!out) return failed(out.error().message);
   launcher::RunFiles files{fs::absolute(*out)};
   if (const std::string problem = utf8_path_problem(files.directory); !problem.empty())
-    return fail("--out: " + problem);
+    return failed("--out: " + problem);
   const auto lock =
       launcher::RunLock::acquire(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
-  if (!lock) return fail(lock.error().message);
+  if (!lock) return failed(lock.error().message);
 
   std::vector<std::string> notes = asked.options.notes;
   const auto problems = launcher::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
@@ -134,21 +125,21 @@ int main(int argc, char** argv) {
     notes.emplace_back("CYCLONEDDS_URI is set and not looked at: DDS stays on this machine (or give --dds FILE)");
   for (const auto& note : notes) fmt::print(stderr, "note: {}\n", note);
   if (!problems.empty()) fmt::print(stderr, "{}", words(problems));
-  if (!problems.empty()) return fail("this machine is not ready to fly");
+  if (!problems.empty()) return failed("this machine is not ready to fly");
 
   std::error_code error;
   const bool made = fs::create_directories(files.directory, error);
   if (made && !error) fs::permissions(files.directory, fs::perms::owner_all, error);  // configs, traces, keys
-  if (error) return fail(fmt::format("cannot make {}: {}", files.directory, error.message()));
+  if (error) return failed(fmt::format("cannot make {}: {}", files.directory, error.message()));
   if (fs::exists(files.in("ledger"), error) && !fs::is_empty(files.in("ledger"), error))
-    return fail(fmt::format("{} holds another run already: choose another --out", files.directory));
+    return failed(fmt::format("{} holds another run already: choose another --out", files.directory));
   const std::string ledger = asked.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
   std::unique_ptr<MemoryDirectory> memory;
   if (asked.options.tmpfs) {
-    if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().message);
+    if (const Status made = MemoryDirectory::make(files, memory); !made) return failed(made.error().message);
   }
   const Status room = check_space(ledger, launcher::min_ledger_bytes(asked.options), "the ledger of a flight");
-  if (!room) return fail(room.error().message);
+  if (!room) return failed(room.error().message);
   catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);
   return fly_and_report(asked.options, files);

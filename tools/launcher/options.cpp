@@ -30,18 +30,10 @@ constexpr const char* help_about =
     "Flies simulated drones, or a deployment's own, around a path through the ledger, and reports how well it went.\n"
     "Ctrl-C lands the drones.";
 constexpr const char* help_notes = R"(Examples:
-  fly                                 one drone, three laps of a square
-  fly --drones 3 --shape x --laps 1
-  fly --side 4 --ramp 0.5:0.1 --laps 6 --ledger none        each lap faster, with no ledger between
-  fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel
-  fly --drones 3 --shape manual --watch    the same by a page: keyboard, gamepad, touch, and a button that stops all
-  fly --shape manual --watch --fault-switches    and with switches that make ledger or drones bad
-  fly --shape manual --pose none      the same without motion capture or any other pose: the pilot sees the drone
-  fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
-  fly --deployment deployment.toml          the drones and the ledger that the file names
-  fly --deployment real.toml          drones that are there already: Tellos, with their fence (docs/fly.md)
-  fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger
-  fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run
+  ledgerline fly                            one drone, three laps of a square
+  ledgerline fly --drones 3 --shape manual --watch        by a page: keyboard, gamepad, touch, and a button that stops all
+  ledgerline fly --ledger fabric            Hyperledger Fabric's own peers and orderer (needs Go)
+  ledgerline fly --deployment real.toml     your own drones, with their fence (docs/fly.md)
 Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong); 1 not so; 2 bad usage.)";
 
 /// Options whose words become values of another type, in take().
@@ -60,17 +52,21 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
   line.option("--predict", words.predict,
               "on: commands for where the drone will be when they take effect; off: newest state, newest command")
       .one_of({"on", "off"})
-      .shows_default();
+      .shows_default()
+      .in_help_all();
   line.option(
           "--task", words.tasks,
           "What one drone flies instead: \"tello2 shape=SHAPE_OR_FILE side=M speed=MPS laps=N\", of which any may be\n"
           "left out; once for each drone")
-      .one_at_a_time();
+      .one_at_a_time()
+      .in_help_all();
   line.option("--controller", o.controller,
               "A shared library that steers along the path in the place of ground's own controller (docs/faults.md)")
       .existing_file()
-      .utf8_path();
-  line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster");
+      .utf8_path()
+      .in_help_all();
+  line.option("--ramp", words.ramp, "START:STEP, m/s: speed of the first lap, and by how much each one is faster")
+      .in_help_all();
   line.option("--pose", o.pose,
               "Who says where the drones are: motion capture, each drone's own velocities and heights, or these while\n"
               "motion capture is missing; none: nobody, with --shape manual")
@@ -79,13 +75,16 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
   line.option("--pads", words.pads,
               "Mission pads on the simulated floor, and drones that fly by onboard odometry and these:\n"
               "ID:X:Y[:DEGREES], in m and counter-clockwise from x, with commas between")
-      .checked_by("PADS", [](const std::string& text) {
-        const auto pads = sim::parse_pads(text);
-        return pads ? std::string() : pads.error().message;
-      });
+      .checked_by("PADS",
+                  [](const std::string& text) {
+                    const auto pads = sim::parse_pads(text);
+                    return pads ? std::string() : pads.error().message;
+                  })
+      .in_help_all();
   line.option("--max-age", words.max_age, "Agent and link take no command made from an older state (default: 500ms)")
-      .checked_by("TIME", check_duration);
-  line.option("--rate", o.rate_hz, "States a second of each drone").within(1.0, 200.0).shows_default();
+      .checked_by("TIME", check_duration)
+      .in_help_all();
+  line.option("--rate", o.rate_hz, "States a second of each drone").within(1.0, 200.0).shows_default().in_help_all();
   line.option("--speed", o.speed_mps, "Along the path, m/s").within(0.05, 5.0).shows_default();
   const Option laps = line.option("--laps", o.laps, "Laps to fly").within(1, 1000).shows_default();
   line.option("--seconds", o.seconds, "Fly the path this long instead of counting laps; manual: land after so long")
@@ -102,7 +101,7 @@ void add_deployment_options(CommandLine& line, Options& o, Words& words) {
           .one_of({deployment::ledger_kinds.begin(), deployment::ledger_kinds.end()})
           .shows_default();
   const Option orderers =
-      line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default();
+      line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default().in_help_all();
   line.option("--deployment", words.deployment,
               "deployment.toml: simulated drones and their ledger on this host (docs/three-machines.md), or without "
               "[[host]]\n"
@@ -117,34 +116,46 @@ void add_deployment_options(CommandLine& line, Options& o, Words& words) {
 void add_ledger_options(CommandLine& line, Options& o, Words& words) {
   line.option("--storage", words.storage, "Ledger: in the run's directory, or in memory and gone after the flight")
       .one_of({"disk", "tmpfs"})
-      .shows_default();
-  line.flag("--ca", o.ca, "Fabric: identities from fabric-ca, one server an organisation");
-  line.flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path");
+      .shows_default()
+      .in_help_all();
+  line.flag("--ca", o.ca, "Fabric: identities from fabric-ca, one server an organisation").in_help_all();
+  line.flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path")
+      .in_help_all();
   line.flag("--endorser", o.endorser,
-            "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone");
+            "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone")
+      .in_help_all();
   line.flag("--endorser-within", o.endorser_within,
-            "The same within agent, which holds that key then, and serves ground (docs/fabric.md)");
+            "The same within agent, which holds that key then, and serves ground (docs/fabric.md)")
+      .in_help_all();
   line.option("--blocks", o.blocks,
               "Whose blocks agent and ground take: the own peer's, or an orderer's as soon as they are validated")
       .one_of({"peer", "ordered"})
-      .shows_default();
+      .shows_default()
+      .in_help_all();
   line.option("--batch-timeout", words.batch_timeout,
               "Ledger: a block is cut when its oldest transaction waited this long")
       .checked_by("TIME", check_duration)
-      .shows_default();
+      .shows_default()
+      .in_help_all();
   line.option("--batch-count", o.batch_count, "Ledger: a block is cut at this many transactions")
       .within(1, 10'000)
-      .shows_default();
+      .shows_default()
+      .in_help_all();
 }
 
 void add_run_options(CommandLine& line, Options& o) {
   const Option proxy = line.flag("--proxy", o.proxy,
                                  "Drones and ledger behind a proxy that `ledgerline hil faults OUT/faults.sock` "
-                                 "impairs (docs/faults.md)");
-  line.option("--faults", o.faults, "TOML file: what the proxy switches when").needs(proxy).existing_file();
+                                 "impairs (docs/faults.md)")
+                           .in_help_all();
+  line.option("--faults", o.faults, "TOML file: what the proxy switches when")
+      .needs(proxy)
+      .existing_file()
+      .in_help_all();
   line.flag("--shim", o.shim,
             "Drones behind shared memory in place of UDP; `ledgerline hil faults OUT/shim.sock` impairs them "
-            "(docs/faults.md)");
+            "(docs/faults.md)")
+      .in_help_all();
   const Option watch = line.flag(
       "--watch", o.watch,
       "Ground serves a page to look on, to fly by hand and to stop all; its address is printed (docs/station.md)");
@@ -167,23 +178,27 @@ void add_run_options(CommandLine& line, Options& o) {
               "How many operators must approve a mission before it starts; 2: its author needs a second one")
       .one_of({1, 2})
       .needs(operators)
-      .shows_default();
+      .shows_default()
+      .in_help_all();
   line.option("--domains", o.domains,
               "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
       .comma_list(2)
-      .within(0, 232);
+      .within(0, 232)
+      .in_help_all();
   const auto dds_file =
       line.option(
               "--dds", o.cyclonedds,
               "File of Cyclone DDS's own configuration; without it DDS stays on this machine, whatever CYCLONEDDS_URI "
               "says")
           .existing_file()
-          .utf8_path();
+          .utf8_path()
+          .in_help_all();
   line.option("--ros-release", o.ros_release,
               "ROS 2's release on this machine: how its nodes are met here and how ours are announced (default: "
               "ROS_DISTRO's form)")
       .one_of(dds::ros_releases())
-      .excludes(dds_file);
+      .excludes(dds_file)
+      .in_help_all();
   line.option("--seed", o.seed, "Of wind and sensor noise").shows_default();
   line.option("--json", o.json, "Write the figures to this file, as one JSON object");
   line.option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)").utf8_path();
@@ -395,7 +410,7 @@ ParsedOptions parse_command_line(const std::vector<std::string>& arguments) {
   ParsedOptions asked;
   Options& o = asked.options;
   Words words;
-  CommandLine line("fly", help_about, help_notes);
+  CommandLine line("ledgerline fly", help_about, help_notes);
   add_path_options(line, o, words);
   add_deployment_options(line, o, words);
   add_ledger_options(line, o, words);

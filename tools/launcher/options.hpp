@@ -53,7 +53,7 @@ struct Options {
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
   bool shim = false;            ///< simulated drones are reached through shared memory in place of UDP (docs/faults.md)
-  bool proxy = false;           ///< drones and ledger are reached through ledgerline-hil proxy
+  bool proxy = false;           ///< drones and ledger are reached through ledgerline hil proxy
   bool watch = false;           ///< ground serves its page (docs/station.md)
   bool fault_switches = false;  ///< of the proxy, at that page
   bool open = false;            ///< in the browser

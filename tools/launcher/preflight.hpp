@@ -24,7 +24,7 @@ checks::FlightInputs inputs_of(const Options& options);
 /// seen.
 Status check_path(const Options& options, const checks::FlightInputs& inputs);
 
-/// Fills in each drone's lease from a line that `ledgerline-control show --json` printed of all records; a drone that
+/// Fills in each drone's lease from a line that `ledgerline control show --json` printed of all records; a drone that
 /// is in none of them is not enrolled. `self`: who will fly. Another line is an error, and changes nothing.
 Status read_records(const std::string& line, const crypto::IdentityName& self, checks::FlightInputs& inputs);
 
@@ -37,7 +37,7 @@ class Preflight {
 
   /// A status line of link; others are ignored.
   void on_status(const std::string& line);
-  /// The records of a ledger of others, as `ledgerline-control show --json` prints them, before the drones are
+  /// The records of a ledger of others, as `ledgerline control show --json` prints them, before the drones are
   /// acquired. `self`: who acquires them.
   Status read_records(const std::string& line, const crypto::IdentityName& self);
   /// Whether a drone has to be acquired: not where its holder lets us command it.

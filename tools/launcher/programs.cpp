@@ -1,8 +1,10 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <csignal>
 #include <fstream>
 
+#include "tools/command/verbs.hpp"
 #include "tools/launcher/launcher.hpp"
 
 namespace ledgerline::launcher {
@@ -42,7 +44,11 @@ void Programs::on_output(const std::string& name, const std::string& line) {
 Status Programs::start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program) {
   // control-enroll and control-acquire are one program.
   const std::string program = other_program.empty() ? name.substr(0, name.find('-')) : other_program;
-  arguments.insert(arguments.begin(), folder_ + "/ledgerline-" + program);
+  if (std::ranges::find(command::verbs, program, &command::VerbRow::name) == command::verbs.end()) {
+    arguments.insert(arguments.begin(), folder_ + "/ledgerline-" + program);
+  } else {
+    arguments.insert(arguments.begin(), {folder_ + "/ledgerline", program});
+  }
   return Children::start({name, std::move(arguments), files_.log(name), death_signal(name, options_.own.has_value())});
 }
 

@@ -1,12 +1,13 @@
 #include "common/dds/dds.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/local/local.hpp"
 
 namespace {
 
 using namespace ledgerline;
 
-int fly(Config& config) {
+int fly_locally(Config& config) {
   ground::FlightConfig flight = ground::flight_config(config);
   flight.ledger = false;
   const ground::OutputSettings output = ground::output_settings(config);
@@ -27,11 +28,13 @@ const char* const about =
     "Flies simulated drones around a path without a ledger: ground's controller beside link, as a reference for\n"
     "flights through one (fly --ledger none). SIGINT and SIGTERM land all drones.";
 const char* const notes = R"(Example:
-  ledgerline-local --config local.toml
+  ledgerline local --config local.toml
 
 local.toml: [flight], [[drone]], [output] and [dds] as in `ledgerline ground --help`
 Exit codes: 0 every drone finished its path and landed; 1 not so; 2 bad usage or config)";
 
 }  // namespace
 
-int main(int argc, char** argv) { return run_with_config(argc, argv, {"local", about, notes}, fly); }
+int ledgerline::command::local(int argc, char** argv) {
+  return run_with_config(argc, argv, {"ledgerline local", about, notes}, fly_locally);
+}

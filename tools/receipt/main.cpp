@@ -13,6 +13,7 @@
 #include "common/fabric/receipt/receipt_verifier.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/receipt/show.hpp"
 
 namespace {
@@ -124,7 +125,7 @@ constexpr const char* about =
     "authorities of the channel's organisations and orderers. It holds the whole block, so it shows the others'\n"
     "transactions in it as well.";
 constexpr const char* notes =
-    R"(Make one: TX and --config (as ledgerline-control has it, with an [[endorser]] for each organisation).
+    R"(Make one: TX and --config (as ledgerline control has it, with an [[endorser]] for each organisation).
 Check some: --verify, --channel, --organisation of every organisation of the channel, --orderer, and --crl for every
 list of revoked certificates that is known; several receipts are a line each. Beside TX they check what was made before
 it is written.
@@ -159,8 +160,8 @@ Status verify(const Options& options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("receipt", about, notes);
+int ledgerline::command::receipt(int argc, char** argv) {
+  CommandLine line("ledgerline receipt", about, notes);
   Options options;
   line.option("TX", options.transaction, "id of the transaction, as commands and events report it");
   line.option("--config", options.config, "TOML file with [ledger] and [[endorser]]").existing_file();

@@ -2,6 +2,7 @@
 
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
 
@@ -50,8 +51,8 @@ The station keeps its newest 1,000 events. Times are this computer's. --json is 
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("alarms", about, notes);
+int ledgerline::command::alarms(int argc, char** argv) {
+  CommandLine line("ledgerline alarms", about, notes);
   VerbOptions verb_options;
   add_options(line, verb_options.options);
   line.flag("--watch", verb_options.watch, "go on with what comes, until SIGINT");

@@ -9,6 +9,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "ground/mission/mission.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
 
@@ -25,7 +26,10 @@ struct VerbOptions {
   std::vector<std::string> names;
   std::string drone, path_file, msp, subject, name, pass_phrase_file;
   unsigned priority = 0;
+  bool wait = false;
 };
+
+constexpr TimeNs wait_limit_ns = 60 * ns_per_s;  // the slowest landing takes a third of it
 
 Status show(Station& station, const VerbOptions& verb_options) {
   if (verb_options.watch) catch_stop_signals();
@@ -127,8 +131,16 @@ Status act(Station& station, const Target& target, const VerbOptions& verb_optio
   });
 }
 
+Status act_and_wait(Station& station, const Target& target, const VerbOptions& verb_options, const std::string& verb) {
+  const Status acted = act(station, target, verb_options, verb);
+  if (!acted || !verb_options.wait) return acted;
+  return wait_until(station, "drones", verb, wait_limit_ns,
+                    [&](std::string_view body) { return all_arrived(body, verb_options.names, verb); });
+}
+
 /// Empty: what was asked for makes sense.
 std::string nonsense(const VerbOptions& verb_options, const std::string& verb) {
+  if (verb_options.wait && !has_an_end(verb)) return "--wait goes with takeoff, land, stop and cut";
   if (!verb.empty() && verb_options.watch) return "--watch goes with the table alone";
   if ((verb == "stop" || verb == "cut") && verb_options.names.empty() != verb_options.all)
     return "either names, or --all";
@@ -149,6 +161,7 @@ const std::string notes = R"(Examples:
   ledgerline drones stop --all
 
 takeoff, land, pause ...: done is that the station has taken it; what comes of it the table and `ledgerline alarms` show.
+With --wait, takeoff is done when the drones fly, and land, stop and cut when they are on the ground.
 acquire, release, request, clear_stop, hand_over, deny: done is that the ledger has it.
 )" + std::string(shared_notes);
 
@@ -216,16 +229,17 @@ struct Verbs {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("drones", about, notes);
+int ledgerline::command::drones(int argc, char** argv) {
+  CommandLine line("ledgerline drones", about, notes);
   VerbOptions verb_options;
   add_options(line, verb_options.options);
   line.flag("--watch", verb_options.watch, "print again at each change, until SIGINT");
+  line.flag("--wait", verb_options.wait, "of takeoff, land, stop and cut: until it has come to that, at most 60 s");
   const Verbs verbs(line, verb_options);
   if (const auto end = line.parse(argc, argv)) return *end;
   const std::string verb = verbs.chosen();
   if (!verb_options.drone.empty()) verb_options.names = {verb_options.drone};
   if (const std::string why = nonsense(verb_options, verb); !why.empty()) return fail(Error{why}, exit_usage);
   return run(verb_options.options,
-             [&](Station& station, const Target& target) { return act(station, target, verb_options, verb); });
+             [&](Station& station, const Target& target) { return act_and_wait(station, target, verb_options, verb); });
 }

@@ -2,6 +2,7 @@
 
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
 
@@ -43,8 +44,8 @@ since: seconds from the first take-off; "-" where it is longer ago than the 1,00
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("flights", about, notes);
+int ledgerline::command::flights(int argc, char** argv) {
+  CommandLine line("ledgerline flights", about, notes);
   station::Options options;
   add_options(line, options);
   if (const auto end = line.parse(argc, argv)) return *end;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "ground/mission/mission.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
 
@@ -18,7 +20,10 @@ using namespace ledgerline::station;
 struct VerbOptions {
   station::Options options;
   std::string file, name, id;
+  bool wait = false;
 };
+
+constexpr TimeNs wait_limit_ns = 3600 * ns_per_s;  // no battery lasts that long
 
 Status print(const VerbOptions& verb_options, const std::string& body, const Result<std::string>& text) {
   if (verb_options.options.json) {
@@ -63,7 +68,10 @@ Status act(Station& station, const VerbOptions& verb_options, const std::string&
       station.request(verb == "remove" ? station::Request{.method = "DELETE", .target = target, .anybodys = false}
                                        : mission_request(verb_options.id, verb));
   if (!body) return body.error();
-  return print(verb_options, *body, fmt::format("{}: {}: accepted\n", verb_options.id, verb));
+  if (const Status printed = print(verb_options, *body, fmt::format("{}: {}: accepted\n", verb_options.id, verb));
+      !printed || !verb_options.wait)
+    return printed;
+  return wait_until(station, target, verb_options.id, wait_limit_ns, is_flown);
 }
 
 constexpr const char* about =
@@ -76,13 +84,13 @@ const std::string notes = R"(Examples:
   ledgerline missions start 3f5a9c01d2e4
 
 approve and withdraw are signed by who is signed in (ledgerline drones login); of approve, done is that it is on the ledger. Of the others done is
-that the station has taken it; what comes of it the list shows, and `ledgerline alarms`.
+that the station has taken it; what comes of it the list shows, and `ledgerline alarms`. start --wait ends when the mission does.
 )" + std::string(shared_notes);
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("missions", about, notes);
+int ledgerline::command::missions(int argc, char** argv) {
+  CommandLine line("ledgerline missions", about, notes);
   VerbOptions verb_options;
   add_options(line, verb_options.options);
   std::vector<Verb> verbs{line.verb("add", "Read one, and check it")};
@@ -100,6 +108,8 @@ int main(int argc, char** argv) {
     verbs.push_back(line.verb(name, help));
     verbs.back().option("ID", verb_options.id, "of a mission, as the list has it").required();
   }
+  std::ranges::find(verbs, "start", &Verb::name)
+      ->flag("--wait", verb_options.wait, "until it is flown, or ended before");
   line.verbs_are_optional();
   if (const auto end = line.parse(argc, argv)) return *end;
   std::string verb;

@@ -6,6 +6,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/checks/shell/configs.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/status/shell/query.hpp"
 
 namespace {
@@ -27,8 +28,8 @@ Exit codes: 0 every peer answered; 1 one did not; 2 wrong usage.)";
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("status", about, notes);
+int ledgerline::command::status(int argc, char** argv) {
+  CommandLine line("ledgerline status", about, notes);
   line.renamed("--patience", "--timeout");
   std::string dir = "/etc/ledgerline";
   bool json = false;

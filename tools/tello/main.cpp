@@ -12,6 +12,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/checks/core/drone.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/launcher/options.hpp"
 #include "tools/tello/core/calibrate/estimate.hpp"
 #include "tools/tello/core/dialogue.hpp"
@@ -139,9 +140,7 @@ Result<launcher::Options> flight_of(const Options& options) {
 int preflight(const Options& options) {
   auto flight = flight_of(options);
   if (!flight) return fail(flight.error(), exit_usage);
-  std::error_code error;
-  const auto own = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  const auto inputs = tello::probe_flight({std::move(*flight), own / "ledgerline-control", options.listen_s});
+  const auto inputs = tello::probe_flight({std::move(*flight), programs_directory() / "ledgerline", options.listen_s});
   if (!inputs) return fail(inputs.error());
   const checks::Findings findings = assess(*inputs);
   if (options.json)
@@ -168,8 +167,8 @@ Exit codes: 0 as asked (found, sent, down, written, nothing wrong), 1 not, 2 bad
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("tello", about, notes);
+int ledgerline::command::tello(int argc, char** argv) {
+  CommandLine line("ledgerline tello", about, notes);
   Options options;
   const auto interface = [&](Verb& verb) {
     verb.option("--interface", options.interface, "network interface that it is behind, such as wlan1");

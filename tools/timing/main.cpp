@@ -10,6 +10,7 @@
 #include "common/base/file.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/metrics.hpp"
 #include "tools/timing/self_test.hpp"
@@ -184,7 +185,7 @@ Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is 
 2 bad usage, or a limit on something that does not exist; 3 nothing to read, or a file not written)";
 
 void add_options(CommandLine& line, Options& o) {
-  line.option("DIR", o.directory, "Directory of a run of ledgerline-fly (its --out)");
+  line.option("DIR", o.directory, "Directory of a run of ledgerline fly (its --out)");
   line.flag("--live", o.live, "Follow a flight in progress: the last ten seconds, then all of it");
   line.option("--every", o.every_s, "Seconds between two tables of --live").within(0.2, 60.0).shows_default();
   line.flag("--self-test", o.self_test, "No flight: link's loop alone on this machine, beside cyclictest");
@@ -209,8 +210,8 @@ void add_options(CommandLine& line, Options& o) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("timing", about, notes);
+int ledgerline::command::timing(int argc, char** argv) {
+  CommandLine line("ledgerline timing", about, notes);
   Options o;
   add_options(line, o);
   if (const auto end = line.parse(argc, argv)) return *end;

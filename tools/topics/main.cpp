@@ -9,6 +9,7 @@
 #include "common/base/file.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 #include "tools/topics/show.hpp"
 
 namespace {
@@ -55,8 +56,8 @@ Exit codes: 0 done; 1 there is no such file, or its bridge is silent; 2 bad usag
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("topics", about, notes);
+int ledgerline::command::topics(int argc, char** argv) {
+  CommandLine line("ledgerline topics", about, notes);
   Options options;
   line.option("STATUS", options.file, "the file that [output] status of the bridge's config names").required();
   line.flag("--json", options.json, "the bridge's own status line instead of a table");

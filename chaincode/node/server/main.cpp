@@ -41,7 +41,7 @@ Status write_summary(const std::string& path, const node::Node& ledger, const st
 }  // namespace
 
 int main(int argc, char** argv) {
-  CommandLine line("node", "The embedded ledger: one process with Fabric's services", notes);
+  CommandLine line("ledgerline-node", "The embedded ledger: one process with Fabric's services", notes);
   node::Node::Options options;
   std::string listen, summary;
   std::vector<std::string> client_authorities;

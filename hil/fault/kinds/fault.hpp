@@ -64,7 +64,7 @@ struct RealActs {
   std::vector<std::pair<std::string, int>> programs;  ///< signals to programs of the flight: "ledgerline-agent"
   /// Signals to parts of Fabric's network: "peer1"; leader_part: the orderer that leads.
   std::vector<std::pair<std::string, int>> parts;
-  std::vector<std::string> control;  ///< arguments of ledgerline-control
+  std::vector<std::string> control;  ///< arguments of ledgerline control
   int burn_core = -1;                ///< begin, or no longer, to compute on this core
   std::uint64_t take_bytes = 0;      ///< memory to take, or to give back
   bool fill_disk = false;            ///< to fill the ledger's disk, or to make room again

@@ -69,7 +69,7 @@ Status RealFlight::start() {
   if (fills) {
     if (auto mounted = disk_.mount(run_ + "/ledger"); !mounted) return mounted;
   }
-  std::vector<std::string> command{options_.programs + "/ledgerline-fly", "--out", run_, "--json",
+  std::vector<std::string> command{options_.programs + "/ledgerline",  "fly", "--out", run_, "--json",
                                    options_.directory + "/result.json"};
   const auto more = arguments();
   if (!more) return more.error();

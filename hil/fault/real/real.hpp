@@ -24,7 +24,7 @@ std::vector<NotReal> not_real(const Script& script, const RealStack& stack);
 /// The same as an error, a line each. `own`: who flies what ground does not.
 Status check_real(const Script& script, const RealStack& stack, const OwnCode& own = {});
 
-/// For ledgerline-fly, without --out and --json, and without the waypoints of a course of one's own.
+/// For ledgerline fly, without --out and --json, and without the waypoints of a course of one's own.
 std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed, const RealStack& stack);
 
 /// Of a fault that check_real() lets through, as it begins and as it ends. `active`: all that go on then, in the order
@@ -47,7 +47,7 @@ struct RealOptions {
 /// Makes a flight's folder, in which none of these may be there already: they are of another flight.
 Status make_flight_folder(const std::string& folder, const std::vector<std::string>& must_not_be_there);
 
-/// Flies a script with the real processes, `ledgerline-fly --proxy` (of an SDK client: fly_by_sdk), in real time,
+/// Flies a script with the real processes, `ledgerline fly --proxy` (of an SDK client: fly_by_sdk), in real time,
 /// and checks it by their traces. A moment comes up to a second late: that is how long traces are
 /// buffered. It promises a verdict, not bytes; digest and counts of the ledger are not in the result. Errors: what
 /// check_real() says, and whatever kept it from being flown or from doing what the script says. One at a time on a
@@ -60,7 +60,7 @@ std::vector<NotReal> not_by_sdk(const Script& script);
 /// The same as an error, a line each.
 Status check_sdk(const Script& script);
 
-/// Flies a script of kind sdk in real time: ledgerline-sim, ledgerline-hil proxy before it, and somebody's own SDK
+/// Flies a script of kind sdk in real time: ledgerline-sim, ledgerline hil proxy before it, and somebody's own SDK
 /// client (options.own.program), which is checked against the truth and by how it ends.
 ///
 ///     a network of its own                another one

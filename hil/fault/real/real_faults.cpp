@@ -182,7 +182,7 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
   if (!acts.parts.empty()) {
     signal_parts(acts.parts, monotonic_ns() + errand_timeout_ns, acted);
   } else if (!acts.control.empty()) {
-    std::vector<std::string> command{where_.programs + "/ledgerline-control", "--config",
+    std::vector<std::string> command{where_.programs + "/ledgerline", "control", "--config",
                                      where_.run + "/operator.toml"};
     command.insert(command.end(), acts.control.begin(), acts.control.end());
     errands_.push_back({"control", std::move(command), [acted](const std::string&) {
@@ -242,7 +242,7 @@ void RealFaults::signal_parts(const std::vector<std::pair<std::string, int>>& pa
     return done;
   };
   errands_.push_back(
-      {"fabric-status", {where_.programs + "/ledgerline-fabric", "status", "--dir", where_.run + "/ledger"}, then});
+      {"fabric-status", {where_.programs + "/ledgerline", "fabric", "status", "--dir", where_.run + "/ledger"}, then});
 }
 
 namespace {

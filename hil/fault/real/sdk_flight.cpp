@@ -276,7 +276,7 @@ Status SdkFlight::start_all() {
   if (auto started = start("sim", sim); !started) return started;
   if (auto written = write_file(run_ + "/hil-proxy.toml", config); !written) return written;
   if (auto started =
-          start("hil-proxy", {options_.programs + "/ledgerline-hil", "proxy", "--config", run_ + "/hil-proxy.toml"});
+          start("hil-proxy", {options_.programs + "/ledgerline", "hil", "proxy", "--config", run_ + "/hil-proxy.toml"});
       !started)
     return started;
   return program_.start(networks_.in_client(), {"TELLO_ADDRESSES=" + fronts});

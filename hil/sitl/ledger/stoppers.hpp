@@ -28,7 +28,7 @@ enum class ControlCommand : std::uint8_t {
   claim
 };
 
-/// Those who stop drones, clear stops and take drones by a script, each as ledgerline-control does: a stop is said
+/// Those who stop drones, clear stops and take drones by a script, each as ledgerline control does: a stop is said
 /// again until it is on the ledger or refused, the others over conflicts alone. An acquire is of the highest priority
 /// there is, a claim of the lowest, which gets what nobody holds; it is the operator who is revoked, and the supervisor
 /// to whom a drone is handed over, or denied. The operator speaks over the port that it commands by, the others each

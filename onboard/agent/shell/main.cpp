@@ -171,4 +171,4 @@ usage or config)";
 
 }  // namespace
 
-int main(int argc, char** argv) { return run_with_config(argc, argv, {"agent", about, notes}, run); }
+int main(int argc, char** argv) { return run_with_config(argc, argv, {"ledgerline-agent", about, notes}, run); }

@@ -17,13 +17,12 @@ sys.path.append(str(pathlib.Path(__file__).resolve().parent.parent / "conformanc
 from cli import good, invoke, peer_of  # noqa: E402
 from official import Node, asset  # noqa: E402
 
-PROGRAM = BIN / "ledgerline-audit"
 TIMEOUT_S = 120
 CHANGES = 400 if os.environ.get("LEDGERLINE_LONG") == "1" else 40
 
 
 def audit(*words, network: bool = True) -> subprocess.CompletedProcess:
-    command = [PROGRAM, *map(str, words)]
+    command = [BIN / "ledgerline", "audit", *map(str, words)]
     return subprocess.run(command if network else ["unshare", "-n", *command], capture_output=True, text=True,
                           timeout=TIMEOUT_S)
 

@@ -23,7 +23,7 @@ def needs_ca() -> None:
 
 
 def identity(*words) -> str:
-    ran = subprocess.run([BIN / "ledgerline-identity", *words], capture_output=True, text=True, timeout=120)
+    ran = subprocess.run([BIN / "ledgerline", "identity", *words], capture_output=True, text=True, timeout=120)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return ran.stdout
 
@@ -54,7 +54,7 @@ class Network:
 
     def start(self, *options: str) -> None:
         self.process = subprocess.Popen(
-            [BIN / "ledgerline-fabric", "run", "--dir", self.directory, "--tools", FABRIC, *options],
+            [BIN / "ledgerline", "fabric", "run", "--dir", self.directory, "--tools", FABRIC, *options],
             stdout=subprocess.PIPE, stderr=open(self.directory.with_suffix(".log"), "ab"), text=True)
         ready = self.process.stdout.readline()
         assert ready, self.log()
@@ -285,7 +285,7 @@ def test_a_second_start_goes_on_with_what_was_issued_and_revoked(network):
 def test_identities_of_another_origin_are_not_mixed(tmp_path):
     needs_ca()
     (tmp_path / "net" / "crypto").mkdir(parents=True)
-    ran = subprocess.run([BIN / "ledgerline-fabric", "run", "--dir", tmp_path / "net", "--tools", FABRIC, "--ca"],
+    ran = subprocess.run([BIN / "ledgerline", "fabric", "run", "--dir", tmp_path / "net", "--tools", FABRIC, "--ca"],
                          capture_output=True, text=True, timeout=60)
     assert ran.returncode == 1 and "begin in an empty directory" in ran.stderr
 
@@ -293,7 +293,7 @@ def test_identities_of_another_origin_are_not_mixed(tmp_path):
 def test_a_drone_flies_with_identities_of_fabric_ca(tmp_path):
     needs_ca()
     with open(tmp_path / "fly.out", "wb") as out:
-        flown = subprocess.run([BIN / "ledgerline-fly", "--ledger", "fabric", "--ca", "--laps", "1", "--out", tmp_path / "run",
+        flown = subprocess.run([BIN / "ledgerline", "fly", "--ledger", "fabric", "--ca", "--laps", "1", "--out", tmp_path / "run",
                                 "--json", tmp_path / "result.json"], stdout=out, stderr=subprocess.STDOUT, timeout=240)
     assert flown.returncode == 0, (tmp_path / "fly.out").read_text(errors="replace")
     report = json.loads((tmp_path / "result.json").read_text())

@@ -65,7 +65,7 @@ def config(ledger: Embedded, organisation: int, pair: tuple | None, more: str = 
 def shows(ledger: Embedded, folder: pathlib.Path, organisation: int, pair: tuple | None) -> subprocess.CompletedProcess:
     file = folder / "operator.toml"
     file.write_text(config(ledger, organisation, pair).split("[[msp]]")[0])
-    return subprocess.run([BIN / "ledgerline-control", "--config", file, "show"], capture_output=True, text=True, timeout=TIMEOUT_S)
+    return subprocess.run([BIN / "ledgerline", "control", "--config", file, "show"], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 def lets_in(endpoint: str, pair: tuple | None) -> bool:
@@ -107,7 +107,7 @@ def test_doctor_names_what_is_wrong_with_a_certificate_of_tls(ledger, tmp_path):
 
     def broken(pair: tuple | None) -> dict:
         (folder / "ground.toml").write_text(config(ledger, 2, pair, drone))
-        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
+        done = subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
                               timeout=TIMEOUT_S)
         return {problem: each for problem, each in findings.of_doctor(done).items() if each["verdict"] == "broken"}
 
@@ -154,7 +154,7 @@ def test_doctor_names_whose_certificate_an_endorser_does_not_take(ledger, endors
         if shown:
             table += f'tls_certificate = "{shown[0]}"\ntls_key = "{shown[1]}"\n'
         (folder / "ground.toml").write_text(config(ledger, 2, own, f'{table}[[drone]]\nname = "tello1"\n[dds]\nlocal_only = true\n'))
-        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
+        done = subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
                               timeout=TIMEOUT_S)
         return {check["problem"] for check in json.loads(done.stdout)["checks"]
                 if check["verdict"] == "broken" and endorser.endpoint in check["what"]}
@@ -179,7 +179,7 @@ def test_the_bridge_reads_blocks_with_a_certificate_and_none_without(ledger, tmp
             until = time.monotonic() + within_s
             while not checkpoint.exists() and time.monotonic() < until:
                 for word in ("acquire", "release"):
-                    subprocess.run([BIN / "ledgerline-control", "--config", operator, word, "tello1"], check=True, timeout=TIMEOUT_S)
+                    subprocess.run([BIN / "ledgerline", "control", "--config", operator, word, "tello1"], check=True, timeout=TIMEOUT_S)
                 assert bridge.poll() is None
             return checkpoint.exists()
         finally:

@@ -109,7 +109,7 @@ def test_a_client_that_never_ends_is_ended_and_reported(tmp_path):
 def test_an_interrupt_keeps_what_was_measured_and_leaves_nothing_behind(tmp_path):
     file, place = tmp_path / "two-way.json", tmp_path / "ledgers"
     process = subprocess.Popen(
-        [BIN / "ledgerline-bench", "two-way", "--ledger", "embedded", "--rates", "40", "--clients", "ledgerline", "--seconds", "0.5",
+        [BIN / "ledgerline", "bench", "two-way", "--ledger", "embedded", "--rates", "40", "--clients", "ledgerline", "--seconds", "0.5",
          "--warm-up", "0", "--alternations", "1000", "--json", file, "--dir", place], stdout=subprocess.PIPE, text=True)
     for _ in range(600):
         if file.exists():
@@ -131,7 +131,7 @@ def test_an_interrupt_keeps_what_was_measured_and_leaves_nothing_behind(tmp_path
     (["--dir", "/proc", "--clients", "ledgerline", "--ledger", "embedded"], 1, "/proc is not empty"),
 ])
 def test_what_is_wrong_is_named(options, code, words):
-    command = [BIN / "ledgerline-bench", "two-way", *options]
+    command = [BIN / "ledgerline", "bench", "two-way", *options]
     done = subprocess.run(command, capture_output=True, text=True, timeout=20)
     assert done.returncode == code
     assert words in done.stderr + done.stdout

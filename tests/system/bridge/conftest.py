@@ -31,7 +31,7 @@ class Program:
 
     def status(self) -> dict:
         """What `ledgerline topics` says of it."""
-        done = subprocess.run([BIN / "ledgerline-topics", "--once", "--json", self.status_file], capture_output=True, text=True,
+        done = subprocess.run([BIN / "ledgerline", "topics", "--once", "--json", self.status_file], capture_output=True, text=True,
                               timeout=TIMEOUT_S)
         assert done.returncode == 0, done.stderr + self.log()
         return json.loads(done.stdout)

@@ -54,7 +54,7 @@ def test_a_bridge_counts_what_is_no_message(embedded, bridges):
     say_until(writer, Text("the way is open"), reader)
     writer.write(Text(LONG))
     here.wait_for("/text", "to_ledger", lambda t: t["dds_refused"] == 1 and t["drops"] == {})
-    shown = subprocess.run([BIN / "ledgerline-topics", "--once", here.status_file], capture_output=True, text=True)
+    shown = subprocess.run([BIN / "ledgerline", "topics", "--once", here.status_file], capture_output=True, text=True)
     assert "dds_refused 1" in shown.stdout
 
     # Signed by a member, and the contract does not look into messages.

@@ -69,7 +69,7 @@ class People:
         text = (self.ledgers.yard_tables(organisation, user) if channel == "yard"
                 else tables(self.ledgers.teleop, organisation, user, endorsers=True))
         file.write_text(text.split("[[msp]]")[0])
-        return subprocess.run([BIN / "ledgerline-control", "--config", file, *words], capture_output=True, text=True, timeout=60)
+        return subprocess.run([BIN / "ledgerline", "control", "--config", file, *words], capture_output=True, text=True, timeout=60)
 
     def done(self, *words) -> str:
         ended = self.control(*words)
@@ -290,7 +290,7 @@ def test_doctor_looks_at_each_channel(tmp_path):
 
     def findings(text: str) -> list[dict]:
         (tmp_path / "agent.toml").write_text(text + drones)
-        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", tmp_path, "--json"], capture_output=True, text=True, timeout=60)
+        done = subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", tmp_path, "--json"], capture_output=True, text=True, timeout=60)
         return json.loads(done.stdout)["checks"]
 
     try:
@@ -324,7 +324,7 @@ def test_doctor_looks_at_the_file_of_each_channel_that_an_operator_or_administra
     (folder / "operator-yard.toml").write_text(yard)
 
     def doctor() -> dict:
-        return findings.of_doctor(subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True,
+        return findings.of_doctor(subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", folder, "--json"], capture_output=True,
                                                  text=True, timeout=60))
 
     broken = lambda found: {problem for problem, each in found.items() if each["verdict"] == "broken"}
@@ -342,7 +342,7 @@ def test_doctor_looks_at_the_file_of_each_channel_that_an_operator_or_administra
         assert "admin-yard.toml" in doctor()["config_wrong"]["what"]
         (folder / "admin-yard.toml").unlink()
         (folder / "admin.toml").unlink()
-        missing = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--role", "admin", "--json"], capture_output=True,
+        missing = subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", folder, "--role", "admin", "--json"], capture_output=True,
                                  text=True, timeout=60)
         assert "config_missing" in findings.of_doctor(missing)
     finally:

@@ -17,7 +17,7 @@ READY_S, END_S, FLIGHT_S = 60, 30, 240
 
 
 def init(*words) -> str:
-    done = subprocess.run([BIN / "ledgerline-init", *words], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([BIN / "ledgerline", "init", *words], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -74,7 +74,7 @@ def hosts(tmp_path_factory):
 def test_doctor_finds_nothing_wrong_with_them(hosts):
     for folder, files in zip(hosts, (("agent", "link"), ("ground", "operator", "operator-yard"), ("admin", "admin-yard"))):
         assert sorted(file.stem for file in folder.glob("*.toml")) == sorted(files)
-        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True, timeout=60)
+        done = subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", folder, "--json"], capture_output=True, text=True, timeout=60)
         assert not [each for each in findings.of_doctor(done).values() if each["verdict"] == "broken"], done.stdout
 
 
@@ -94,10 +94,10 @@ def start(folder: pathlib.Path, program: str, *words) -> Program:
 def test_drones_of_two_channels_fly_by_them(hosts, tmp_path):
     raven, ground_host, admin = hosts
     for channel, drone in (("", "tello1"), ("-yard", "tello2")):
-        shown = subprocess.run([BIN / "ledgerline-control", "--config", admin / f"admin{channel}.toml", "show"], capture_output=True,
+        shown = subprocess.run([BIN / "ledgerline", "control", "--config", admin / f"admin{channel}.toml", "show"], capture_output=True,
                                text=True, timeout=60)
         assert shown.returncode == 0 and drone in shown.stdout, shown.stderr
-        subprocess.run([BIN / "ledgerline-control", "--config", ground_host / f"operator{channel}.toml", "acquire", drone], check=True, timeout=60)
+        subprocess.run([BIN / "ledgerline", "control", "--config", ground_host / f"operator{channel}.toml", "acquire", drone], check=True, timeout=60)
     programs = []
     try:
         for words in (("roudi",), ("sim", "--drones", "2"), ("link", "--config", raven / "link.toml"), ("agent", "--config", raven / "agent.toml")):

@@ -68,7 +68,7 @@ def own_ledger(tmp_path):
 
 
 def control(path: pathlib.Path, *words: str) -> subprocess.Popen:
-    return subprocess.Popen([BIN / "ledgerline-control", "--config", path, *words], stdout=subprocess.PIPE,
+    return subprocess.Popen([BIN / "ledgerline", "control", "--config", path, *words], stdout=subprocess.PIPE,
                             stderr=subprocess.STDOUT, text=True)
 
 

@@ -26,7 +26,7 @@ def status_of(ledger, directory: pathlib.Path, endorser: Endorser) -> list[dict]
     config = folder / "operator.toml"
     config.write_text(tables(ledger, 1, "User1").split("[[msp]]")[0] +
                       f'[[endorser]]\nmsp_id = "Org1MSP"\nendpoint = "{endorser.endpoint}"\ntls_ca = "{ledger.ca_file(1)}"\n')
-    said = subprocess.run([BIN / "ledgerline-status", "--config-dir", folder, "--json"], capture_output=True, text=True, timeout=TIMEOUT_S)
+    said = subprocess.run([BIN / "ledgerline", "status", "--config-dir", folder, "--json"], capture_output=True, text=True, timeout=TIMEOUT_S)
     return next(one["peers"] for one in json.loads(said.stdout)["ledgers"] if one["config"] == str(config))
 
 
@@ -77,7 +77,7 @@ def test_a_stolen_key_of_an_endorser_ends_with_a_revocation_list(network_of, tmp
     assert json.loads(thief.stdout.readline())["valid"] == 20
 
     def revoke(*which) -> subprocess.CompletedProcess:
-        return subprocess.run([BIN / "ledgerline-fabric", "revoke", "--dir", network.directory, "--tools", FABRIC, "--org", "1", *which],
+        return subprocess.run([BIN / "ledgerline", "fabric", "revoke", "--dir", network.directory, "--tools", FABRIC, "--org", "1", *which],
                               capture_output=True, text=True, timeout=TIMEOUT_S)
 
     which = ["--user", "endorser0"]

@@ -60,7 +60,7 @@ def test_what_cannot_be_measured_is_no_success(tmp_path):
     done = subprocess.run([BIN / "ledgerline", "experiment", "events", "--quick", "--out", tmp_path], capture_output=True,
                           text=True, timeout=300, env={**os.environ, "LEDGERLINE_NPM": "/nowhere", "LEDGERLINE_BIN": str(tmp_path)})
     assert done.returncode == 1
-    assert "ledgerline-bench is not built" in done.stdout and "Traceback" not in done.stderr
+    assert "ledgerline is not built" in done.stdout and "Traceback" not in done.stderr
     assert json.loads((tmp_path / "events.json").read_text())["not_measured"][0]["case"] == "our settings"
 
 
@@ -68,9 +68,9 @@ def test_an_interrupt_lets_the_flight_land_first(tmp_path):
     """The flight is a script that only looks like fly: it notes its arguments."""
     programs, out = tmp_path / "bin", tmp_path / "out"
     programs.mkdir()
-    (programs / "ledgerline-fly").write_text(f"#!/bin/sh\ntrap 'sleep 0.5; echo landed > {tmp_path}/landed; exit 1' INT\n"
+    (programs / "ledgerline").write_text(f"#!/bin/sh\ntrap 'sleep 0.5; echo landed > {tmp_path}/landed; exit 1' INT\n"
                                              f"touch {tmp_path}/flies\nwhile :; do sleep 0.05; done\n")
-    (programs / "ledgerline-fly").chmod(0o755)
+    (programs / "ledgerline").chmod(0o755)
     process = subprocess.Popen([BIN / "ledgerline", "experiment", "latency", "--quick", "--case", "square", "--out", out],
                                stdout=subprocess.PIPE, text=True, env={**os.environ, "LEDGERLINE_BIN": str(programs)})
     deadline = time.monotonic() + 60

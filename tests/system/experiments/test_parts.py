@@ -238,7 +238,7 @@ def experiment(tmp_path):
 @pytest.fixture
 def place(tmp_path):
     (tmp_path / "bin").mkdir()
-    (tmp_path / "bin/ledgerline-fly").write_text("one")
+    (tmp_path / "bin/ledgerline-sim").write_text("one")
     return runs.Place(tmp_path / "bin", tmp_path, tmp_path, tmp_path / "running", "embedded", "disk")
 
 
@@ -268,7 +268,7 @@ def test_what_is_finished_is_kept_and_only_the_rest_is_run(tmp_path, monkeypatch
     main.measure(experiment, place, tmp_path, 2)
     assert ran == [("x", 2)]
     ran.clear()
-    (place.programs / "ledgerline-fly").write_text("another")
+    (place.programs / "ledgerline-sim").write_text("another")
     main.measure(experiment, place, tmp_path, 1)
     assert ran == [("square", 1), ("x", 1)], "figures of other programs are not taken for theirs"
     ran.clear()
@@ -407,7 +407,7 @@ def test_orderers_and_gateway_are_axes_of_fabric_alone():
 
 
 def test_a_program_that_is_missing_is_named(place):
-    with pytest.raises(runs.NotMeasured, match="ninja -C build/release ledgerline-hil"):
+    with pytest.raises(runs.NotMeasured, match="ledgerline is not built: ninja -C build/release programs"):
         place.program("hil")
 
 

@@ -113,7 +113,7 @@ HELD_AFTER_S = 1.0  # the plan in hand is flown to its end, which is less than t
 def test_a_flight_goes_on_when_a_part_is_killed_in_mid_lap(tmp_path, kind):
     needs_fabric()
     out, run = tmp_path / "fly.out", tmp_path / "run"
-    flight = subprocess.Popen([BIN / "ledgerline-fly", "--out", run, "--json", tmp_path / "result.json", "--ledger", "fabric",
+    flight = subprocess.Popen([BIN / "ledgerline", "fly", "--out", run, "--json", tmp_path / "result.json", "--ledger", "fabric",
                                "--orderers", "3", "--laps", "2"], stdout=open(out, "wb"), stderr=subprocess.STDOUT)
     deadline = time.monotonic() + TIMEOUT_S
     while not re.search(r"tello1\b.*\bpath [1-9]\d %, lap 1", out.read_text()):

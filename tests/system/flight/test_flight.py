@@ -1,4 +1,4 @@
-"""The whole way with the real processes: ledgerline-fly as a person starts it."""
+"""The whole way with the real processes: ledgerline fly as a person starts it."""
 import json
 import os
 import pathlib
@@ -120,7 +120,7 @@ def test_ctrl_c_lands_the_drone_and_ends_every_process(tmp_path):
 def test_a_stop_on_the_ledger_lands_the_drone(tmp_path):
     flight = fly(tmp_path, "--laps", "50")
     wait_for_flight(tmp_path, flight)
-    stop = subprocess.run([BIN / "ledgerline-control", "--config", tmp_path / "run" / "operator.toml", "stop", "tello1"],
+    stop = subprocess.run([BIN / "ledgerline", "control", "--config", tmp_path / "run" / "operator.toml", "stop", "tello1"],
                           capture_output=True, text=True, timeout=30)
     assert stop.returncode == 0, stop.stderr
     assert flight.wait(60) == 1, printed(tmp_path)

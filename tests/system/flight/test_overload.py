@@ -80,7 +80,7 @@ def test_sixty_four_drones_are_more_than_two_cores_carry_and_each_stop_lands_its
         fleet.check()
         stop_ns = time.monotonic_ns()
         config = fleet.write("stop", fleet.tables(OPERATOR, [0], trusted=False))
-        stops = [subprocess.Popen([BIN / "ledgerline-control", "--config", config, "stop", "--within", "60", *(drone.name for drone in fleet.of([k]))],
+        stops = [subprocess.Popen([BIN / "ledgerline", "control", "--config", config, "stop", "--within", "60", *(drone.name for drone in fleet.of([k]))],
                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) for k in hosts]
         for stop in stops:
             assert stop.wait(90) == 0, stop.stderr.read()

@@ -28,7 +28,7 @@ def test_an_operator_flies_drones_of_two_other_organisations_in_one_mission(tmp_
     def control(organisation: int, user: str, *words) -> None:
         file = tmp_path / f"control{organisation}{user}.toml"
         file.write_text(tables(ledger, organisation, user, endorsers=True).split("[[msp]]")[0])
-        done = subprocess.run([BIN / "ledgerline-control", "--config", file, *words], capture_output=True, text=True, timeout=60)
+        done = subprocess.run([BIN / "ledgerline", "control", "--config", file, *words], capture_output=True, text=True, timeout=60)
         assert done.returncode == 0, done.stderr
 
     def cert(organisation: int) -> pathlib.Path:

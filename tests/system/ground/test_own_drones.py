@@ -1,4 +1,4 @@
-"""`ledgerline-fly --deployment` of drones that are there already: here those of a simulator that the test runs."""
+"""`ledgerline fly --deployment` of drones that are there already: here those of a simulator that the test runs."""
 import contextlib
 import json
 import pathlib

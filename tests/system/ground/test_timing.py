@@ -14,7 +14,7 @@ STAGES = ["ring", "batch", "endorse", "order", "deliver", "control", "queue", "c
 
 
 def timing(*options: object) -> subprocess.CompletedProcess:
-    return subprocess.run([BIN / "ledgerline-timing", *map(str, options)], capture_output=True, text=True, timeout=120)
+    return subprocess.run([BIN / "ledgerline", "timing", *map(str, options)], capture_output=True, text=True, timeout=120)
 
 
 @pytest.fixture(scope="module")

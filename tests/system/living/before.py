@@ -18,8 +18,10 @@ class Before:
         installed, self.tools = home / "installed", home / "tools"
         for folder in (installed, self.tools):
             folder.mkdir()
-        self.fabric = shutil.copy(BIN / "ledgerline-fabric", installed)  # it looks for the contract beside itself
-        self.contract = installed / "ledgerline-chaincode"
+        for folder in ("bin", "libexec/ledgerline"):
+            (installed / folder).mkdir(parents=True)
+        self.fabric = shutil.copy(BIN.parent / "libexec/ledgerline/ledgerline-ledger", installed / "libexec/ledgerline")
+        self.contract = installed / "bin/ledgerline-chaincode"
         self.contract.symlink_to(BIN / "version_before")
         for tool in FABRIC.iterdir():
             (self.tools / tool.name).symlink_to(tool)

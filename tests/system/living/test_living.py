@@ -36,15 +36,15 @@ def programs_of_before(home: pathlib.Path, before: Before) -> pathlib.Path:
     programs.mkdir()
     for program in BIN.glob("ledgerline-*"):
         (programs / program.name).symlink_to(program)
-    write_script(programs / "ledgerline-fabric", f'exec {before.fabric} "$@" --tools {before.tools} --signature-policy "{ANY_PEER}"')
-    control = BIN / "ledgerline-control"
-    write_script(programs / "ledgerline-control", f'{control} "$@" || exit\n[ "$3" != acquire ] || '
-                                                  f'{{ {control} "$1" "$2" stop {CLEARED} && {control} "$1" "$2" clear_stop {CLEARED}; }}')
+    ledgerline = BIN / "ledgerline"
+    write_script(programs / "ledgerline", f'[ "$1" != fabric ] || exec {before.fabric} "$@" --tools {before.tools} --signature-policy "{ANY_PEER}"\n'
+                                          f'{ledgerline} "$@" || exit\n[ "$1 $4" != "control acquire" ] || '
+                                          f'{{ {ledgerline} control "$2" "$3" stop {CLEARED} && {ledgerline} control "$2" "$3" clear_stop {CLEARED}; }}')
     return programs
 
 
 def upgrade(program: pathlib.Path, ledger: pathlib.Path) -> subprocess.CompletedProcess:
-    return subprocess.run([program, "upgrade", "--dir", ledger, "--tools", FABRIC], capture_output=True, text=True, timeout=TIMEOUT_S)
+    return subprocess.run([program, "fabric", "upgrade", "--dir", ledger, "--tools", FABRIC], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 class Stops(threading.Thread):
@@ -65,7 +65,7 @@ class Stops(threading.Thread):
     def run(self) -> None:
         while not self.ending.is_set():
             begun = time.monotonic()
-            said = subprocess.run([BIN / "ledgerline-control", "--config", self.config, "stop", STOPPED_MEANWHILE], capture_output=True,
+            said = subprocess.run([BIN / "ledgerline", "control", "--config", self.config, "stop", STOPPED_MEANWHILE], capture_output=True,
                                   text=True, timeout=TIMEOUT_S)
             self.took.append(time.monotonic() - begun)
             if said.returncode != 0:
@@ -138,7 +138,7 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     controls = {drone: record(pilot, f"control/{drone}") for drone in drones}
     cleared = record(pilot, f"stop/{CLEARED}/{digest(2, 'User1')}")
 
-    refused = upgrade(BIN / "ledgerline-fabric", ledger)
+    refused = upgrade(BIN / "ledgerline", ledger)
     assert refused.returncode == 1 and "put this version's programs in the place of those" in refused.stderr
     before.update(ledger)
     with Stops(tmp_path / "run" / "operator.toml") as stops:

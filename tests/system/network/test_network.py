@@ -202,7 +202,7 @@ def test_a_disk_without_room_is_refused_with_place_and_figures(tmp_path):
         done = up(small / "net")
         assert done.returncode == 1
         assert f"{small}/net has" in done.stderr and "MB free" in done.stderr and "the network needs" in done.stderr
-        fly = subprocess.run([BIN / "ledgerline-fly", "--out", small / "run", "--drones", "16", "--seconds", "60"],
+        fly = subprocess.run([BIN / "ledgerline", "fly", "--out", small / "run", "--drones", "16", "--seconds", "60"],
                              capture_output=True, text=True)
         assert fly.returncode == 1
         assert f"{small}/run/ledger has" in fly.stderr and "MB free" in fly.stderr

@@ -104,7 +104,7 @@ def hear_of_a_flight(manager: Manager) -> None:
 
 def test_systemd_is_notified_by_programs_that_are_ready_and_live_and_by_no_loop_that_stands_still(tmp_path):
     manager = Manager(tmp_path)
-    flight = subprocess.Popen([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--laps", "50"],
+    flight = subprocess.Popen([BIN / "ledgerline", "fly", "--out", tmp_path / "run", "--laps", "50"],
                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                               env={**os.environ, "NOTIFY_SOCKET": str(manager.name), "WATCHDOG_USEC": "1000000"})
     try:
@@ -125,7 +125,7 @@ def test_the_main_loop_of_agent_takes_no_lock_but_those_that_the_page_lists(tmp_
     if not watch.exists():
         pytest.skip("the watch is not built with sanitizers")
     report = tmp_path / "watch"
-    flown = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--seconds", "4"], stdout=subprocess.DEVNULL, timeout=120,
+    flown = subprocess.run([BIN / "ledgerline", "fly", "--out", tmp_path / "run", "--seconds", "4"], stdout=subprocess.DEVNULL, timeout=120,
                            env={**os.environ, "LD_PRELOAD": str(watch), "LOOP_WATCH_LOCKS": "ledgerline-agent",
                                 "LOOP_WATCH_REPORT": str(report)})
     assert flown.returncode == 0
@@ -166,7 +166,7 @@ def test_the_cross_built_programs_fly_a_lap_under_qemu(tmp_path):
         script.chmod(0o755)
     result, unicast = tmp_path / "result.json", tmp_path / "unicast.xml"
     unicast.write_text(UNICAST)
-    flight = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--json", result, "--laps", "1", "--dds", unicast],
+    flight = subprocess.run([BIN / "ledgerline", "fly", "--out", tmp_path / "run", "--json", result, "--laps", "1", "--dds", unicast],
                             env={**os.environ, "LEDGERLINE_BIN": str(programs)},
                             capture_output=True, text=True, timeout=300)
     assert flight.returncode == 0, flight.stdout + flight.stderr

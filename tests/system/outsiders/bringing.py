@@ -26,7 +26,7 @@ def consortium(directory: pathlib.Path):
 
 
 def contract(*words) -> str:
-    done = subprocess.run([BIN / "ledgerline-contract", *words], capture_output=True, text=True, timeout=2 * TIMEOUT_S)
+    done = subprocess.run([BIN / "ledgerline", "contract", *words], capture_output=True, text=True, timeout=2 * TIMEOUT_S)
     assert done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
     return done.stdout
 

@@ -25,7 +25,7 @@ class Host:
             (folder / f"{name}.toml").write_text(ledger_file(network, k, "User1", whole=True).read_text() + DRONE)
 
     def doctor(self) -> dict:
-        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", self.folder, "--json", "--timeout", "10"], capture_output=True,
+        done = subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", self.folder, "--json", "--timeout", "10"], capture_output=True,
                               text=True, timeout=2 * TIMEOUT_S)
         found = findings.of_doctor(done)
         print(json.dumps(found), flush=True)

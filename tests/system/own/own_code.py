@@ -13,7 +13,7 @@ TIMEOUT_S = 300  # not a limit on speed: only how long a broken test may take
 
 
 def run(scenario: pathlib.Path, *options) -> subprocess.CompletedProcess:
-    done = subprocess.run([BIN / "ledgerline-fault", "run", scenario, *options], capture_output=True, text=True, timeout=TIMEOUT_S)
+    done = subprocess.run([BIN / "ledgerline", "fault", "run", scenario, *options], capture_output=True, text=True, timeout=TIMEOUT_S)
     print(done.stdout, done.stderr, flush=True)
     return done
 

@@ -15,7 +15,7 @@ WORKFLOW = ROOT / "docs/examples/fault-runs.yml"
 
 
 def fault(*words, expect: int = 0, cwd=None) -> subprocess.CompletedProcess:
-    done = subprocess.run([BIN / "ledgerline-fault", *map(str, words)], capture_output=True, text=True, timeout=200, cwd=cwd)
+    done = subprocess.run([BIN / "ledgerline", "fault", *map(str, words)], capture_output=True, text=True, timeout=200, cwd=cwd)
     assert done.returncode == expect, done.stdout + done.stderr
     return done
 
@@ -163,7 +163,7 @@ def test_equal_runs_are_equal_and_a_regression_is_not(flown, tmp_path):
 
 
 def test_the_example_workflow_asks_for_what_there_is():
-    calls = re.findall(r"ledgerline-fault ([a-z]+) (.*)", WORKFLOW.read_text().replace("\\\n", " "))
+    calls = re.findall(r"ledgerline fault ([a-z]+) (.*)", WORKFLOW.read_text().replace("\\\n", " "))
     assert {verb for verb, _ in calls} >= {"check", "run", "compare"}
     for verb, words in calls:
         known = fault(verb, "--help").stdout

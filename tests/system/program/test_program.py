@@ -1,19 +1,62 @@
-"""What every program answers alike: whatever lies in bin/ and is one of ours."""
+"""What every program and every verb of `ledgerline` answers alike."""
+import pathlib
 import re
+import shutil
 import subprocess
 
 import pytest
 from programs import BIN
 
-PROGRAMS = sorted(path.name for path in BIN.iterdir() if re.fullmatch(r"ledgerline(-[a-z-]+)?", path.name))
+ROOT = pathlib.Path(__file__).parents[3]
+DAEMONS = {f"ledgerline-{name}" for name in ("agent", "bridge", "chaincode", "endorser", "ground", "link", "node", "roudi", "sim")}
+GROUPS = {f"ledgerline-{name}" for name in ("experiment", "fault", "fly", "ledger", "measure", "station", "tello")}
 
 
 def run(program: str, *arguments: str) -> subprocess.CompletedProcess:
-    return subprocess.run([BIN / program, *arguments], capture_output=True, text=True, timeout=120)
+    return subprocess.run([BIN / program.split()[0], *program.split()[1:], *arguments], capture_output=True, text=True, timeout=120)
 
 
-def test_bin_has_the_programs():
-    assert {"ledgerline", "ledgerline-agent", "ledgerline-fly", "ledgerline-link"} <= set(PROGRAMS)
+def verbs() -> list[str]:
+    """As `ledgerline --help` lists them."""
+    return [f"ledgerline {verb}" for verb in re.findall(r"^  ([a-z-]+) +\S.*[^:]$", run("ledgerline", "--help").stdout, re.MULTILINE) if verb != "ledgerline"]
+
+
+PROGRAMS = sorted(DAEMONS | {"ledgerline"}) + verbs()
+
+
+def test_bin_has_ledgerline_and_the_daemons_and_all_else_is_a_verb():
+    assert {path.name for path in BIN.glob("ledgerline*")} == DAEMONS | {"ledgerline"}
+    libexec = BIN.parent / "libexec/ledgerline"
+    assert {path.name for path in libexec.iterdir()} == GROUPS
+    has = [subprocess.run([libexec / name], capture_output=True, text=True, timeout=60).stderr for name in GROUPS - {"ledgerline-experiment"}]
+    in_groups = {verb for said in has for verb in said.partition("here are:")[2].split()}
+    assert {f"ledgerline {verb}" for verb in in_groups | {"experiment"}} == set(verbs())
+
+
+@pytest.mark.parametrize("typed, meant", [("flye", "fly"), ("contrl", "control"), ("fly --lapz 3", "--laps"), ("control stpo tello1", "stop"), ("status --jso", "--json")])
+def test_what_is_nearly_right_is_answered_with_what_was_meant(typed, meant):
+    refused = run("ledgerline", *typed.split())
+    assert refused.returncode == 2 and f"did you mean {meant}?" in refused.stderr
+
+
+def test_the_page_of_commands_is_what_the_programs_say():
+    printed = subprocess.run([ROOT / "scripts/commands-page", BIN / "ledgerline"], capture_output=True, text=True, check=True, timeout=60)
+    assert printed.stdout == (ROOT / "docs/commands.md").read_text(), "print it again: scripts/commands-page build/release/bin/ledgerline > docs/commands.md"
+
+
+def test_fly_says_what_it_can_where_nothing_is_built(tmp_path):
+    """A tree of sources alone, and no tool to build it with."""
+    for name in ("fly", "scripts/setup.sh", "docs/commands.md"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    said = subprocess.run([tmp_path / "fly", "--help"], capture_output=True, text=True, timeout=60)
+    assert said.returncode == 0 and "--drones" in said.stdout and "```" not in said.stdout and "## " not in said.stdout
+    assert {path.name for path in tmp_path.iterdir()} == {"fly", "scripts", "docs"}
+
+
+def test_what_is_like_nothing_gets_no_suggestion():
+    refused = run("ledgerline", "xyzzy")
+    assert refused.returncode == 2 and "did you mean" not in refused.stderr and "ledgerline --help" in refused.stderr
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

@@ -1,4 +1,4 @@
-"""ledgerline-hil proxy, as a test starts it."""
+"""ledgerline hil proxy, as a test starts it."""
 import json
 import os
 import pathlib
@@ -7,7 +7,7 @@ import subprocess
 from netns import die_with_parent
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
-HIL = BIN / "ledgerline-hil"
+HIL = (BIN / "ledgerline", "hil")
 TIMEOUT_S = 60  # not a limit on speed: only how long a broken test may take
 
 
@@ -25,7 +25,7 @@ class Proxy:
         config.write_text(f'[proxy]\nseed = 3\nfaults = "{self.socket}"\nsummary = "{self.summary_file}"\nsource = "{source}"\n{tables}')
         script_file.write_text(script)
         self.process = subprocess.Popen(
-            command(HIL, "proxy", "--config", config, *(["--script", script_file] if script else [])),
+            command(*HIL, "proxy", "--config", config, *(["--script", script_file] if script else [])),
             stdout=subprocess.PIPE, stderr=open(directory / "proxy.log", "wb"), text=True, preexec_fn=die_with_parent)
         ready = self.process.stdout.readline()
         assert ready, (directory / "proxy.log").read_text()
@@ -47,7 +47,7 @@ class Proxy:
 
 
 def tell(socket: pathlib.Path, command: str) -> str:
-    """`ledgerline-hil faults`, which must succeed."""
-    done = subprocess.run([HIL, "faults", socket, command], capture_output=True, text=True, timeout=TIMEOUT_S)
+    """`ledgerline hil faults`, which must succeed."""
+    done = subprocess.run([*HIL, "faults", socket, command], capture_output=True, text=True, timeout=TIMEOUT_S)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -72,7 +72,7 @@ def test_a_flight_through_delays_loss_and_duplicates_holds_while_ground_is_stall
 
 def test_what_does_not_go_together_is_refused(tmp_path):
     def refused(*options) -> str:
-        done = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", *options], capture_output=True, text=True,
+        done = subprocess.run([BIN / "ledgerline", "fly", "--out", tmp_path / "run", *options], capture_output=True, text=True,
                               timeout=TIMEOUT_S)
         assert done.returncode in (1, 2), done.stderr
         return done.stdout + done.stderr

@@ -23,7 +23,7 @@ def needs_a_disk_of_its_own(directory: pathlib.Path) -> None:
 def run(directory: pathlib.Path, text: str, *options: str) -> subprocess.CompletedProcess:
     script = directory / "script.toml"
     script.write_text(text)
-    done = subprocess.run([BIN / "ledgerline-fault", "run", script, "--real", "--out", directory / "out", *options],
+    done = subprocess.run([BIN / "ledgerline", "fault", "run", script, "--real", "--out", directory / "out", *options],
                           capture_output=True, text=True, timeout=TIMEOUT_S)
     print(done.stdout, done.stderr, flush=True)
     return done

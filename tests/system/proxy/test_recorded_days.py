@@ -29,7 +29,7 @@ def write_capture(path: pathlib.Path, arrivals_ms: list[float]) -> None:
 
 
 def day_of(*words) -> subprocess.CompletedProcess:
-    return subprocess.run([HIL, "day", *words], capture_output=True, text=True, timeout=TIMEOUT_S)
+    return subprocess.run([*HIL, "day", *words], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 def test_a_capture_becomes_a_table(tmp_path):

@@ -258,7 +258,7 @@ def test_who_is_slow_or_gone_is_felt_on_the_other_side_and_nothing_is_unbounded(
 def refused(directory, config: str, script: str = "") -> tuple[int, str]:
     (directory / "c.toml").write_text(config)
     (directory / "s.toml").write_text(script)
-    done = subprocess.run([HIL, "proxy", "--config", directory / "c.toml", *(["--script", directory / "s.toml"] if script else [])],
+    done = subprocess.run([*HIL, "proxy", "--config", directory / "c.toml", *(["--script", directory / "s.toml"] if script else [])],
                           capture_output=True, text=True, timeout=TIMEOUT_S)
     return done.returncode, done.stderr
 
@@ -275,12 +275,12 @@ def test_what_is_not_possible_is_refused_with_the_reason(proxies, tmp_path):
     proxy = proxies(drones=[("tello1", FRONT, DRONE)], source=SOURCE)
     assert stat.S_IMODE(proxy.socket.stat().st_mode) == 0o600
     for command, why in (("drone tello1 to lag 1s", "allowed are delay"), ("drone tello1 to rate 5", "is not from 1B/s")):
-        done = subprocess.run([HIL, "faults", proxy.socket, command], capture_output=True, text=True, timeout=TIMEOUT_S)
+        done = subprocess.run([*HIL, "faults", proxy.socket, command], capture_output=True, text=True, timeout=TIMEOUT_S)
         assert done.returncode == 1 and why in done.stderr
     assert proxy.tell("list") == ""
     code, said = refused(tmp_path, drone)
     assert code == 1 and f"another proxy holds {FRONT}:8889" in said
-    done = subprocess.run([HIL, "faults", tmp_path / "none.sock", "list"], capture_output=True, text=True, timeout=TIMEOUT_S)
+    done = subprocess.run([*HIL, "faults", tmp_path / "none.sock", "list"], capture_output=True, text=True, timeout=TIMEOUT_S)
     assert done.returncode == 1 and "does not answer" in done.stderr
-    assert subprocess.run([BIN / "ledgerline-hil", "proxy"], capture_output=True, timeout=TIMEOUT_S).returncode == 2
+    assert subprocess.run([BIN / "ledgerline", "hil", "proxy"], capture_output=True, timeout=TIMEOUT_S).returncode == 2
     assert proxy.end()["switched"] == []

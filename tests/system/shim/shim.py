@@ -1,4 +1,4 @@
-"""ledgerline-link and ledgerline-hil shim, as a person starts them with a script of plans."""
+"""ledgerline-link and ledgerline hil shim, as a person starts them with a script of plans."""
 import contextlib
 import csv
 import json
@@ -118,7 +118,7 @@ def fly(directory: pathlib.Path, script: str, *options: str, udp: bool = False, 
         if not lockstep:
             log = directory / "roudi.log"
             ready(stack.enter_context(running(log, BIN / "ledgerline-roudi")), log)
-        hil = stack.enter_context(running(hil_log, BIN / "ledgerline-hil", "shim", *where, "--plans", plans, "--seed", 5,
+        hil = stack.enter_context(running(hil_log, BIN / "ledgerline", "hil", "shim", *where, "--plans", plans, "--seed", 5,
                                           "--datagrams", directory / "sent.csv", "--summary", directory / "hil.json", *options))
         ready(hil, hil_log)
         link = stack.enter_context(running(link_log, BIN / "ledgerline-link", "--config", config))

@@ -17,10 +17,10 @@ def test_a_flight_with_agent_and_ledger_that_the_shim_impairs(tmp_path):
         assert flight.poll() is None and time.monotonic() < until, flights.printed(out)
         time.sleep(0.05)
     for command in ("sdk tello1 answers late 200ms", "sdk tello1 states stale 20%", "list"):
-        said = subprocess.run([BIN / "ledgerline-hil", "faults", socket, command], capture_output=True, text=True, timeout=30)
+        said = subprocess.run([BIN / "ledgerline", "hil", "faults", socket, command], capture_output=True, text=True, timeout=30)
         assert said.returncode == 0, said.stderr
     assert "sdk tello1 answers late 200ms" in said.stdout
-    refused = subprocess.run([BIN / "ledgerline-hil", "faults", socket, "server agent cut"], capture_output=True, text=True, timeout=30)
+    refused = subprocess.run([BIN / "ledgerline", "hil", "faults", socket, "server agent cut"], capture_output=True, text=True, timeout=30)
     assert refused.returncode == 1 and "no such server" in refused.stderr
     assert flight.wait(180) == 0, flights.printed(out)
     assert 'transport = "shim"' in (out / "run" / "link.toml").read_text()
@@ -34,9 +34,9 @@ def test_a_fault_script_is_checked(tmp_path):
     script.write_text('title = "Its take-off is answered late, and its state is torn: it flies"\nmust = ["finishes"]\n[flight]\nside_m = 0.6\n'
                       '[[fault]]\nwhat = "sdk tello1 answers late 500ms"\nat = "0s"\n'
                       '[[fault]]\nwhat = "sdk tello1 states torn 20%"\nfor = "2s"\n')
-    refused = subprocess.run([BIN / "ledgerline-fault", "run", script, "--real", "--out", tmp_path / "udp"], capture_output=True, text=True, timeout=60)
+    refused = subprocess.run([BIN / "ledgerline", "fault", "run", script, "--real", "--out", tmp_path / "udp"], capture_output=True, text=True, timeout=60)
     assert refused.returncode == 2 and "--shim" in refused.stderr
-    done = subprocess.run([BIN / "ledgerline-fault", "run", script, "--real", "--shim", "--out", tmp_path / "out"], capture_output=True, text=True,
+    done = subprocess.run([BIN / "ledgerline", "fault", "run", script, "--real", "--shim", "--out", tmp_path / "out"], capture_output=True, text=True,
                           timeout=200)
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -80,7 +80,7 @@ def test_a_mission_is_checked_approved_flown_together_and_on_the_ledger(tmp_path
         station.wait(name, lambda drone: drone["phase"] == "landed")
     record = tmp_path / "run" / "missions" / f"{one}.record.json"
     deadline = time.monotonic() + 20
-    while (verified := subprocess.run([BIN / "ledgerline-control", "--config", tmp_path / "run" / "operator.toml", "verify", record],
+    while (verified := subprocess.run([BIN / "ledgerline", "control", "--config", tmp_path / "run" / "operator.toml", "verify", record],
                                       capture_output=True, text=True, timeout=30)).returncode != 0:
         assert time.monotonic() < deadline, verified.stderr
         time.sleep(0.5)

@@ -142,7 +142,7 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     station.wait("tello1", lambda drone: drone["phase"] == "landed" and not drone["lease"]["holder"])
     assert bob.ask("POST", "drones/tello1/takeoff")[0] == 401, "his session is over"
     run = tmp_path / "run"
-    reported = json.loads(subprocess.run([BIN / "ledgerline-audit", "--config", run / "operator.toml", "--json", "-", "--timeout", "2"],
+    reported = json.loads(subprocess.run([BIN / "ledgerline", "audit", "--config", run / "operator.toml", "--json", "-", "--timeout", "2"],
                                      capture_output=True, text=True, timeout=60).stdout)
     commanded = [one["who"] for one in reported["drones"]["tello1"]["commands"]]
     for name in ("alice", "bob"):

@@ -21,7 +21,7 @@ def take_off_by_commands(person: Person, station: Station, *names: str) -> None:
 
 def status_of(out: pathlib.Path) -> None:
     """By `ledgerline status`: what runs of this flight, and how old what the ledger has of it is."""
-    done = subprocess.run([BIN / "ledgerline-status", "--json", "--config-dir", out], capture_output=True, text=True, timeout=TIMEOUT_S)
+    done = subprocess.run([BIN / "ledgerline", "status", "--json", "--config-dir", out], capture_output=True, text=True, timeout=TIMEOUT_S)
     reported = json.loads(done.stdout)
     ours = {one["program"]: one for one in reported["programs"] if (one["config"] or "").startswith(str(out))}
     assert {"ledgerline-agent", "ledgerline-link", "ledgerline-ground"} <= ours.keys(), reported

@@ -74,7 +74,7 @@ def test_a_tello_that_cannot_join_a_wifi_is_reported():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
         plain.bind(("127.0.0.2", 8889))
         plain.settimeout(10)
-        asking = subprocess.Popen([BIN / "ledgerline-tello", "join-wifi", "lab", "--address", "127.0.0.2"], text=True,
+        asking = subprocess.Popen([BIN / "ledgerline", "tello", "join-wifi", "lab", "--address", "127.0.0.2"], text=True,
                                   stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         asking.stdin.write("correcthorse\n")
         asking.stdin.flush()
@@ -115,7 +115,7 @@ def test_bytes_of_any_kind_end_nothing_and_reach_no_terminal():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as liar:
         liar.bind(("127.0.0.2", 8889))
         liar.settimeout(0.05)
-        asking = subprocess.Popen([BIN / "ledgerline-tello", "find", "--address", "127.0.0.2"], text=True,
+        asking = subprocess.Popen([BIN / "ledgerline", "tello", "find", "--address", "127.0.0.2"], text=True,
                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         while asking.poll() is None:
             with contextlib.suppress(TimeoutError):
@@ -159,7 +159,7 @@ def test_a_flight_measures_a_drone_and_lands_it_however_it_ends(tmp_path):
     with drones(1, "--yaw", "40", mocap=True):
         refused = tello("calibrate", "127.0.0.2", "--out", str(written), input="no\n")
         assert refused.returncode == 1 and "4 m x 4 m" in refused.stdout and not written.exists()
-        ended = subprocess.Popen([BIN / "ledgerline-tello", "calibrate", "127.0.0.2", "--yes", "--out", str(written)],
+        ended = subprocess.Popen([BIN / "ledgerline", "tello", "calibrate", "127.0.0.2", "--yes", "--out", str(written)],
                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         time.sleep(8)
         ended.send_signal(signal.SIGINT)

@@ -95,7 +95,7 @@ class Truth:
 def audited(out) -> dict:
     """What the chain of the flight says, validated from its first block on."""
     ledger = out / "run" / "ledger"
-    done = subprocess.run([BIN / "ledgerline-audit", "--blocks", ledger / "ledger" / "blocks", "--anchor", ledger / "teleop.block",
+    done = subprocess.run([BIN / "ledgerline", "audit", "--blocks", ledger / "ledger" / "blocks", "--anchor", ledger / "teleop.block",
                            "--json", "-"], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(done.stdout)["drones"]

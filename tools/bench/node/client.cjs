@@ -1,5 +1,5 @@
 // One side of a two-way exchange as the published bridge is built: Fabric's official client, one transaction per message.
-// Started by ledgerline-bench: node client.cjs a|b SCHEDULE LEDGER (both JSON).
+// Started by ledgerline bench: node client.cjs a|b SCHEDULE LEDGER (both JSON).
 'use strict';
 const crypto = require('node:crypto');
 const fs = require('node:fs');

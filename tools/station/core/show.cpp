@@ -122,6 +122,38 @@ Rows settled(Rows rows) {
   return rows;
 }
 
+bool has_an_end(std::string_view verb) {
+  return verb == "takeoff" || verb == "land" || verb == "stop" || verb == "cut";
+}
+
+Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& names, std::string_view verb) {
+  Status failed = done;
+  auto arrived = read_answer<bool>(body, "drones", [&](const json& answer) {
+    bool all = true;
+    for (const json& drone : answer.at("drones")) {
+      const std::string name = text_at(drone, "name"), link_phase = text_at(drone, "link_phase");
+      if (!names.empty() && std::ranges::find(names, name) == names.end()) continue;
+      if (verb == "takeoff" && text_at(drone, "phase") == "failed")
+        failed = Error{fmt::format("{}: failed: {}", name, mode_of(drone))};
+      all = all && (verb == "takeoff" ? link_phase == "flying" : link_phase == "on_ground" || link_phase == "landed");
+    }
+    return all;
+  });
+  if (!failed) return failed.error();
+  return arrived;
+}
+
+Result<bool> is_flown(std::string_view body) {
+  Status ended = done;
+  auto flown = read_answer<bool>(body, "a mission", [&](const json& mission) {
+    const std::string phase = text_at(mission, "phase");
+    if (phase == "aborted") ended = Error{fmt::format("aborted: {}", text_at(mission, "why"))};
+    return phase == "done";
+  });
+  if (!ended) return ended.error();
+  return flown;
+}
+
 Result<Rows> mission_rows(std::string_view body) {
   return read_answer<Rows>(body, "missions", [](const json& read) {
     Rows rows{{"id", "name", "phase", "approvals", "drones", "why"}};

@@ -21,6 +21,14 @@ Result<Rows> drone_rows(std::string_view body);
 /// The same without what changes all the time: equal, nothing has changed that is worth a new table.
 Rows settled(Rows rows);
 
+/// "takeoff" brings a drone into the air; "land", "stop" and "cut" to the ground.
+bool has_an_end(std::string_view verb);
+/// Whether all of `names` (none: all that are listed) are where `verb` brings them. An error: one failed, and why. Of
+/// GET drones.
+Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& names, std::string_view verb);
+/// Whether a mission has been flown to its end. An error: it was ended before, and why. Of GET missions/ID.
+Result<bool> is_flown(std::string_view body);
+
 /// Of GET missions.
 Result<Rows> mission_rows(std::string_view body);
 /// Of GET missions/ID, or of what POST missions answers.

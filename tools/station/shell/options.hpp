@@ -91,6 +91,10 @@ Status close_session(Station& station, const Target& target);
 bool is_signed_call(const std::string& verb);
 /// Has the operator sign that for a drone, and waits until the ledger has taken it, or refused it with words.
 Status call_and_wait(Station& station, const std::string& drone, const std::string& verb, const std::string& body);
+/// `--wait`: until `is_there` says so of what `target` answers, an error, SIGINT, or the time is over. `what`: of the
+/// errors.
+Status wait_until(Station& station, const std::string& target, const std::string& what, TimeNs limit_ns,
+                  const std::function<Result<bool>(std::string_view body)>& is_there);
 /// Approves a mission, and waits until the station counts it, so that a start may follow; or until it is refused.
 Status approve_and_wait(Station& station, const std::string& id);
 

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/file.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "tools/station/core/show.hpp"
@@ -96,6 +97,21 @@ Status call_and_wait(Station& station, const std::string& drone, const std::stri
     }
   }
   return Error{fmt::format("{}: {}: nothing came of it within 30 s", drone, said)};
+}
+
+Status wait_until(Station& station, const std::string& target, const std::string& what, TimeNs limit_ns,
+                  const std::function<Result<bool>(std::string_view body)>& is_there) {
+  catch_stop_signals();
+  for (const TimeNs until_ns = monotonic_ns() + limit_ns; monotonic_ns() < until_ns && !stop_requested;
+       rest(ask_every_ns)) {
+    const auto body = station.request({.target = target});
+    if (!body) return body.error();
+    const auto there = is_there(*body);
+    if (!there) return there.error();
+    if (*there) return done;
+  }
+  if (stop_requested) return Error{what + ": no longer waited for"};
+  return Error{fmt::format("{}: not after {:.0f} s; `ledgerline alarms` may say why", what, to_seconds(limit_ns))};
 }
 
 Status approve_and_wait(Station& station, const std::string& id) {

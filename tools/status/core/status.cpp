@@ -162,4 +162,13 @@ Executable executable_of(const std::string& link) {
   return {link, false};
 }
 
+std::string name_of(const std::string& file, const std::vector<std::string>& words) {
+  const std::filesystem::path path = file;
+  const std::string name = path.filename();
+  // In libexec, or its file may not be looked at: then this is the first word.
+  const bool is_verb = name == "ledgerline" || path.parent_path().filename() == "ledgerline";
+  if (is_verb) return words.size() > 1 ? "ledgerline " + words[1] : "";
+  return name.starts_with("ledgerline-") ? name : "";
+}
+
 }  // namespace ledgerline::status

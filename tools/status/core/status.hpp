@@ -11,7 +11,7 @@ namespace ledgerline::status {
 
 /// A program of ours that runs on this host.
 struct Program {
-  std::string name;  ///< "ledgerline-agent"
+  std::string name;  ///< "ledgerline-agent", "ledgerline hil"
   int pid = 0;
   std::string user{};     ///< its name, or its number where it has none
   std::string unit{};     ///< of systemd; empty: no unit started it
@@ -74,5 +74,7 @@ struct Executable {
   bool deleted = false;
 };
 Executable executable_of(const std::string& link);
+/// A program's name as it is typed, by its file and its command line; empty: it is none of ours.
+std::string name_of(const std::string& file, const std::vector<std::string>& words);
 
 }  // namespace ledgerline::status

@@ -43,8 +43,8 @@ std::optional<Program> read_program(int pid, double up_s) {
   if (error && !words.empty()) link = words.front();
   if (link.empty()) return std::nullopt;
   const Executable executable = executable_of(link);
-  Program program{.name = fs::path(executable.file).filename(), .pid = pid, .replaced = executable.deleted};
-  if (!program.name.starts_with("ledgerline-") || program.name == "ledgerline-status") return std::nullopt;
+  Program program{.name = name_of(executable.file, words), .pid = pid, .replaced = executable.deleted};
+  if (program.name.empty() || program.name == "ledgerline status") return std::nullopt;
   const auto start_s = start_of(text_of(folder + "/stat"), static_cast<double>(::sysconf(_SC_CLK_TCK)));
   if (!start_s) return std::nullopt;
   program.age_ns = from_seconds(up_s - *start_s);

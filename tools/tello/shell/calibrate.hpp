@@ -27,7 +27,7 @@ bool has_consent();
 
 struct PreflightOptions {
   launcher::Options flight;  ///< of a deployment of drones that are there already (options.hpp)
-  std::string control;       ///< the program that reads the control records of a ledger that runs already
+  std::string ledgerline;    ///< the program whose verb reads the control records of a ledger that runs already
   double listen_s = 3;       ///< to state text and poses
 };
 

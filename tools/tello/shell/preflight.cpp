@@ -158,7 +158,8 @@ Status read_records(const PreflightOptions& options, checks::FlightInputs& input
   std::string records;
   Children children([&records](const std::string&, const std::string& line) { records = line; });
   const std::string name = "control";
-  const std::vector<std::string> command{options.control, "--config", folder.in("ledger.toml"), "show", "--json"};
+  const std::vector<std::string> command{options.ledgerline,       "control", "--config",
+                                         folder.in("ledger.toml"), "show",    "--json"};
   if (auto s = children.start({name, command, folder.in("log"), SIGKILL}); !s) return s;
   for (const TimeNs end = monotonic_ns() + records_limit_ns; children.is_running(name) && !stop_requested;) {
     if (monotonic_ns() > end) break;

@@ -8,7 +8,7 @@ import pytest
 from fabric import BIN
 
 ORGANISATIONS = (1, 2, 3)
-PROGRAM = BIN / "ledgerline-receipt"
+PROGRAM = BIN.parent / "libexec/ledgerline/ledgerline-ledger"  # what `ledgerline receipt` runs
 
 
 def config(ledger, folder: pathlib.Path, organisation: int, peers=ORGANISATIONS) -> pathlib.Path:
@@ -59,7 +59,7 @@ class EmptyRoot:
         return done.returncode, said
 
     def run(self, *words) -> subprocess.CompletedProcess:
-        return subprocess.run([shutil.which("unshare"), "--net", f"--root={self.root}", "--wd=/", "/receipt", *words],
+        return subprocess.run([shutil.which("unshare"), "--net", f"--root={self.root}", "--wd=/", "/receipt", "receipt", *words],
                               env={}, capture_output=True, text=True, timeout=600)
 
     def proven(self, receipt: bytes) -> dict:
@@ -74,7 +74,7 @@ def empty_root(ledger, tmp_path_factory) -> EmptyRoot:
 
 
 def run(folder: pathlib.Path, *words) -> subprocess.CompletedProcess:
-    return subprocess.run([PROGRAM, *words], cwd=folder, capture_output=True, text=True, timeout=60)
+    return subprocess.run([PROGRAM, "receipt", *words], cwd=folder, capture_output=True, text=True, timeout=60)
 
 
 def make(ledger, folder: pathlib.Path, transaction: str, **more) -> bytes:

@@ -47,7 +47,7 @@ class ACommandLine : public testing::Test {
   }
 
   Values values;
-  CommandLine line{"fly", "Flies.", "Exit codes: 0"};
+  CommandLine line{"ledgerline fly", "Flies.", "Exit codes: 0"};
   Option laps{nullptr}, quiet{nullptr};
 };
 
@@ -86,12 +86,12 @@ TEST_F(ACommandLine, HelpAndVersionAreNoErrors) {
   const auto help = line.read({"--help"});
   ASSERT_TRUE(help);
   EXPECT_EQ(help->exit_code, 0);
-  for (const char* part : {"Flies.", "ledgerline-fly", "--laps", "[1 - 9]", "Exit codes: 0", "--version"})
+  for (const char* part : {"Flies.", "ledgerline fly", "--laps", "[1 - 9]", "Exit codes: 0", "--version"})
     EXPECT_THAT(help->text, HasSubstr(part));
   const auto version = line.read({"--version"});
   ASSERT_TRUE(version);
   EXPECT_EQ(version->exit_code, 0);
-  EXPECT_EQ(version->text, version_line("fly") + "\n");
+  EXPECT_EQ(version->text, version_line("ledgerline fly") + "\n");
 }
 
 TEST(AProgramWithVerbs, TakesOneOfThem) {

@@ -63,7 +63,7 @@ TEST(Configuration, ThePageIsWhatTheReadersAskFor) {
   std::istringstream printed(page()), written(text_of(source / "docs/configuration.md"));
   for (std::string wanted, found; std::getline(printed, wanted);) {
     ASSERT_TRUE(std::getline(written, found)) << "docs/configuration.md ends before: " << wanted;
-    ASSERT_EQ(found, wanted) << "print it again: ledgerline-configuration > docs/configuration.md";
+    ASSERT_EQ(found, wanted) << "print it again: ledgerline configuration > docs/configuration.md";
   }
   std::string more;
   EXPECT_FALSE(std::getline(written, more)) << "docs/configuration.md goes on: " << more;

@@ -49,6 +49,27 @@ TEST(ATable, HasColumnsAsWideAsWhatIsInThem) {
   EXPECT_EQ(aligned({{"a", "b", "c"}, {"long", "µ", "x"}, {"m", "yy", ""}}), "a     b   c\nlong  µ   x\nm     yy  \n");
 }
 
+TEST(Waiting, EndsWhenAllThatWereNamedAreWhereTheVerbBringsThem) {
+  json landed = drone("tello2", "waiting");
+  landed["link_phase"] = "on_ground";
+  const std::string both = drones({drone("tello1", "manual"), landed});
+  EXPECT_TRUE(*all_arrived(both, {"tello1"}, "takeoff"));
+  EXPECT_FALSE(*all_arrived(both, {"tello1", "tello2"}, "takeoff"));
+  EXPECT_FALSE(*all_arrived(both, {}, "stop"));
+  EXPECT_TRUE(*all_arrived(both, {"tello2"}, "land"));
+  landed["phase"] = "failed";
+  EXPECT_THAT(all_arrived(drones({landed}), {"tello2"}, "takeoff").error().message, HasSubstr("tello2: failed"));
+  EXPECT_FALSE(all_arrived("[]", {}, "land").ok());
+}
+
+TEST(Waiting, EndsWhenTheMissionIsFlownAndFailsWhenItIsEndedBefore) {
+  EXPECT_FALSE(*is_flown(mission_json("flying").dump()));
+  EXPECT_TRUE(*is_flown(mission_json("done").dump()));
+  json aborted = mission_json("aborted");
+  aborted["why"] = "tello2 was stopped";
+  EXPECT_EQ(is_flown(aborted.dump()).error().message, "aborted: tello2 was stopped");
+}
+
 TEST(TheTableOfDrones, SaysWhatIsKnownOfEach) {
   json held = drone("tello2", "manual");
   held["paused"] = true;

@@ -67,7 +67,7 @@ class ClaimConflicts : public ::testing::Test {
     }
   }
 
-  /// As ledgerline-control does it: what another made invalid is said again, behind a claim. In how many blocks it was
+  /// As ledgerline control does it: what another made invalid is said again, behind a claim. In how many blocks it was
   /// valid; 0: in none of twenty.
   std::size_t blocks_until_valid(const crypto::SigningIdentity& who, const std::string& function,
                                  const std::string& arg, bool claims) {

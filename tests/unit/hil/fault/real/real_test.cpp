@@ -176,7 +176,7 @@ TEST(RealScript, SignalsTheProgramThatIsMeant) {
   EXPECT_EQ(begin_of({"memory take 5MB"}).take_bytes, 5'000'000U);
 }
 
-/// A folder for flights, and in it a ledgerline-fly that is this text of sh.
+/// A folder for flights, and in it a `ledgerline fly` that is this text of sh.
 class RealStart : public testing::Test {
  protected:
   RealStart() {
@@ -189,8 +189,8 @@ class RealStart : public testing::Test {
     std::filesystem::remove_all(directory_, error);
   }
   std::string error_of(const std::string& fly, const Script& script) {
-    const auto program = directory_ / "bin/ledgerline-fly";
-    std::ofstream(program) << "#!/bin/sh\n" << fly << "\n";
+    const auto program = directory_ / "bin/ledgerline";
+    std::ofstream(program) << "#!/bin/sh\nshift\n" << fly << "\n";
     std::filesystem::permissions(program, std::filesystem::perms::owner_all);
     const auto result = run_really(script, 1, {directory_ / "bin", out_, {}});
     return result ? "" : result.error().message;

@@ -15,7 +15,7 @@
 #include "tests/unit/child.hpp"
 #include "tests/unit/onboard/link/shell/stand_in_agent.hpp"
 
-/// The real ledgerline-link flies the real ledgerline-sim, over UDP, or ledgerline-hil's drones through the shim, if
+/// The real ledgerline-link flies the real ledgerline-sim, over UDP, or ledgerline hil's drones through the shim, if
 /// that is the second program; this test stands in for agent. Runs in a namespace of its own (in_namespace.sh);
 /// arguments: roudi, sim, link, and but with sanitizers loop_watch, which proves meanwhile that link's loop allocates,
 /// locks and throws nothing and makes no system call but the allowed ones. Made-up poses are enough to fly, since
@@ -30,7 +30,7 @@ class RealLink : public ::testing::Test {
   void SetUp() override {
     ASSERT_TRUE(roudi.start({roudi_program}));
     std::vector<std::string> drones{sim_program, "--drones", "2", "--summary", "/tmp/sim.json"};
-    if (through_shim()) drones.insert(drones.begin() + 1, {"shim", "--memory", "/dev/shm/real_link_test"});
+    if (through_shim()) drones.insert(drones.begin() + 1, {"hil", "shim", "--memory", "/dev/shm/real_link_test"});
     ASSERT_TRUE(sim.start(drones));
     if (through_shim()) {
       ASSERT_TRUE(wait_for_file("/dev/shm/real_link_test"));
@@ -57,7 +57,7 @@ class RealLink : public ::testing::Test {
     ASSERT_TRUE(link.start(command));
   }
 
-  static bool through_shim() { return sim_program.ends_with("ledgerline-hil"); }
+  static bool through_shim() { return sim_program.ends_with("ledgerline-fault"); }
   static bool wait_for_file(const std::string& path) {
     for (int i = 0; i < 1000 && !std::ifstream(path); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     return std::ifstream(path).good();
@@ -125,7 +125,7 @@ class RealLink : public ::testing::Test {
 
 // A drone whose link died flies on by the newest rc, for as long as 15 s.
 TEST(StartingLink, StopsItsDronesBeforeItNeedsFilesOrRouDi) {
-  if (sim_program.ends_with("ledgerline-hil")) GTEST_SKIP() << "over UDP alone";
+  if (sim_program.ends_with("ledgerline-fault")) GTEST_SKIP() << "over UDP alone";
   const int drone = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;

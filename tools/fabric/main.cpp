@@ -20,6 +20,7 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace {
 
@@ -294,10 +295,8 @@ int renew(const Options& options) {
 
 /// Beside this program; the tools where scripts/fabric-tools puts them.
 void find_programs(Options& options) {
-  std::error_code error;
-  const auto own = std::filesystem::read_symlink("/proc/self/exe", error);
-  options.chaincode = own.parent_path() / "ledgerline-chaincode";
-  if (options.tools.empty()) options.tools = own.parent_path().parent_path().parent_path() / "fabric";
+  options.chaincode = build_or_prefix() / "bin/ledgerline-chaincode";
+  if (options.tools.empty()) options.tools = build_or_prefix().parent_path() / "fabric";
 }
 
 Status add_places(Options& options, const std::vector<std::string>& organisations,
@@ -412,9 +411,9 @@ int carry_out(const std::string& verb, VerbOptions& verb_options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int ledgerline::command::fabric(int argc, char** argv) {
   ::umask(077);  // of all children, too: keys, archives and what Fabric's programs write are this user's alone
-  CommandLine line("fabric", about, notes);
+  CommandLine line("ledgerline fabric", about, notes);
   VerbOptions verb_options;
   const std::vector<Verb> verbs = add_verbs(line, verb_options);
   if (const auto end = read_verb_options(line, argc, argv, verb_options)) return *end;

@@ -15,7 +15,7 @@
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/run/run.hpp"
 #include "hil/fault/script.hpp"
-#include "hil/fault/verbs/verbs.hpp"
+#include "tools/fault/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
 namespace {
@@ -44,7 +44,7 @@ Result<Wanted> read_all(const RunOptions& options) {
   // What is asked for by its own name is not passed over, as something in a folder is.
   std::set<std::string> files, named;
   for (const std::string& name : options.scripts) {
-    const auto meant = scripts_named({name}, program_folder());
+    const auto meant = scripts_named({name}, build_or_prefix());
     if (!meant) return meant.error();
     files.insert(meant->begin(), meant->end());
     std::error_code error;
@@ -98,8 +98,7 @@ std::string agree(const Script& script, std::uint64_t seed, RunResult& result) {
 
 /// The real processes, one flight after another.
 void fly_really(const Wanted& wanted, const RunOptions& options, RunPrinter& printer) {
-  const char* elsewhere = std::getenv("LEDGERLINE_BIN");  // as for ledgerline-fly
-  const std::string programs = elsewhere ? elsewhere : program_folder();
+  const std::string programs = programs_directory();
   for (const Flight& flight : wanted.flights) {
     const auto& [script, seed] = flight;
     const std::string directory =

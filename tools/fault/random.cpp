@@ -6,7 +6,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/run/run.hpp"
 #include "hil/fault/script.hpp"
-#include "hil/fault/verbs/verbs.hpp"
+#include "tools/fault/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
 namespace {

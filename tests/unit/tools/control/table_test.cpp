@@ -1,8 +1,8 @@
 #include <gmock/gmock.h>
 
-#include "ground/control/table.hpp"
+#include "tools/control/table.hpp"
 
-namespace ledgerline::ground {
+namespace ledgerline::control {
 namespace {
 
 using ::testing::HasSubstr;
@@ -70,4 +70,4 @@ TEST(ControlTable, WhatSomebodyWroteIntoANameStaysOnItsLine) {
 }
 
 }  // namespace
-}  // namespace ledgerline::ground
+}  // namespace ledgerline::control

@@ -13,6 +13,7 @@
 #include "hil/proxy/drone_side.hpp"
 #include "hil/shim/shim_verb.hpp"
 #include "hil/sitl/simulated_flight.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace ledgerline::hil {
 using Lap = SimulatedFlightResult::Drone::Lap;
@@ -148,11 +149,11 @@ int print_day(const std::string& capture, const hil::RecordingOptions& asked) {
 }
 
 constexpr const char* notes = R"(Examples:
-  ledgerline-hil sitl --drones 3 --shape x --seed 7
-  ledgerline-hil proxy --config proxy.toml
-  ledgerline-hil shim --memory /dev/shm/tello --plans plans.toml --lockstep 10
-  ledgerline-hil faults faults.sock 'drone tello1 to delay 200ms, loss 5%'
-  ledgerline-hil day flight.pcap > day.csv; ledgerline-hil faults faults.sock 'drone tello1 state recorded-day day.csv')";
+  ledgerline hil sitl --drones 3 --shape x --seed 7
+  ledgerline hil proxy --config proxy.toml
+  ledgerline hil shim --memory /dev/shm/tello --plans plans.toml --lockstep 10
+  ledgerline hil faults faults.sock 'drone tello1 to delay 200ms, loss 5%'
+  ledgerline hil day flight.pcap > day.csv; ledgerline hil faults faults.sock 'drone tello1 state recorded-day day.csv')";
 constexpr const char* about_sitl =
     "A whole flight as cores in one thread on a simulated clock; prints one JSON object.\n"
     "The same options give the same digest. Exit code 0: all drones finished and landed; 1: not; 2: bad options.";
@@ -175,10 +176,10 @@ constexpr const char* about_day =
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int ledgerline::command::hil(int argc, char** argv) {
   CommandLine line(
-      "hil", "Ledgerline's flights in simulated time, the proxy that impairs real ones, and the shim in place of UDP",
-      notes);
+      "ledgerline hil",
+      "Ledgerline's flights in simulated time, the proxy that impairs real ones, and the shim in place of UDP", notes);
   line.renamed("virtual", "sitl");
   hil::SimulatedFlightConfig config;
   Words words;

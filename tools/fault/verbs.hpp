@@ -23,9 +23,6 @@ struct FlightOptions {
 
 void add_flight_options(Verb& verb, FlightOptions& options);
 
-/// The program's folder: its siblings, and what is installed beside it, are found from there.
-std::string program_folder();
-
 /// Says what is wrong, as it is: scripts' errors have lines of their own. Returns exit_usage.
 int usage_error(const std::string& what);
 

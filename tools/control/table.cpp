@@ -1,10 +1,10 @@
-#include "ground/control/table.hpp"
+#include "tools/control/table.hpp"
 
 #include <fmt/format.h>
 
 #include "common/base/text.hpp"
 
-namespace ledgerline::ground {
+namespace ledgerline::control {
 namespace {
 
 std::string text_of(const Identity& identity) {
@@ -46,4 +46,4 @@ std::string control_table(const std::vector<Control>& controls) {
   return table;
 }
 
-}  // namespace ledgerline::ground
+}  // namespace ledgerline::control

@@ -1,4 +1,4 @@
-#include "hil/fault/verbs/verbs.hpp"
+#include "tools/fault/verbs.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -31,11 +31,6 @@ void add_flight_options(Verb& verb, FlightOptions& options) {
               "one object: figures of every run, for `fault compare`; the rest of at most 200, broken ones first");
   verb.option("--junit", options.junit, "JUnit XML: a testcase for each run");
   verb.option("--html", options.html, "a page with the timelines of the 200");
-}
-
-std::string program_folder() {
-  std::error_code error;
-  return std::filesystem::read_symlink("/proc/self/exe", error).parent_path().string();
 }
 
 int usage_error(const std::string& what) {

@@ -2,7 +2,8 @@
 
 #include "common/program/command_line.hpp"
 #include "hil/fault/checker/rule.hpp"
-#include "hil/fault/verbs/verbs.hpp"
+#include "tools/command/verbs.hpp"
+#include "tools/fault/verbs.hpp"
 
 namespace {
 
@@ -27,8 +28,8 @@ script.)";
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("fault", about(), notes);
+int ledgerline::command::fault(int argc, char** argv) {
+  CommandLine line("ledgerline fault", about(), notes);
   std::vector<verbs::Act> acts;
   for (const auto add :
        {verbs::run, verbs::random, verbs::list, verbs::check, verbs::make_new, verbs::compare, verbs::schema})

@@ -22,8 +22,9 @@
 #include "common/verification/calls.hpp"
 #include "common/verification/control_events.hpp"
 #include "common/verification/control_records.hpp"
-#include "ground/control/table.hpp"
 #include "ledgerline.pb.h"
+#include "tools/command/verbs.hpp"
+#include "tools/control/table.hpp"
 
 namespace {
 
@@ -206,7 +207,7 @@ Result<std::vector<Control>> read_records(fabric::Client& client, const Options&
 Status show_records(fabric::Client& client, const Options& options) {
   const auto controls = read_records(client, options);
   if (!controls) return Error{fmt::format("{}: {}", show, controls.error().message)};
-  if (!options.json) return print_line(ground::control_table(*controls)), done;
+  if (!options.json) return print_line(control::control_table(*controls)), done;
   Controls all;
   for (const Control& control : *controls) *all.add_controls() = control;
   return print_line(to_json(all)), done;
@@ -274,19 +275,19 @@ constexpr const char* about =
     "Who may fly what: changes the control records of drones on the ledger, as the identity in the config.\n"
     "Prints the records as they now are (of stop: the stops), as JSON.";
 constexpr const char* notes = R"(Examples:
-  ledgerline-control --config operator.toml acquire tello1 tello2
-  ledgerline-control --config operator.toml acquire --delegate-cert station.pem tello1   # which then flies it for you
-  ledgerline-control --config operator.toml stop tello1
-  ledgerline-control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1
-  ledgerline-control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator
-  ledgerline-control --config admin.toml revoke --msp Org2MSP --cert pilot.pem
-  ledgerline-control --config admin.toml grant --msp Org2MSP --fly --max-priority 10 tello1
-  ledgerline-control --config admin.toml grant --msp Org2MSP tello1      # of nothing: takes it back, and the lease
-  ledgerline-control --config pilot.toml request --priority 3 tello1
-  ledgerline-control --config operator.toml hand_over --msp Org2MSP --cert pilot.pem tello1
-  ledgerline-control --config supervisor.toml evict tello1
-  ledgerline-control --config operator.toml show
-  ledgerline-control --config operator.toml anchor --what "flight 7, camera 2" flight7.mp4
+  ledgerline control --config operator.toml acquire tello1 tello2
+  ledgerline control --config operator.toml acquire --delegate-cert station.pem tello1   # which then flies it for you
+  ledgerline control --config operator.toml stop tello1
+  ledgerline control --config admin.toml enroll --msp Org1MSP --cert host.pem tello1
+  ledgerline control --config admin.toml enroll --msp Org2MSP --cert pilot.pem --role operator
+  ledgerline control --config admin.toml revoke --msp Org2MSP --cert pilot.pem
+  ledgerline control --config admin.toml grant --msp Org2MSP --fly --max-priority 10 tello1
+  ledgerline control --config admin.toml grant --msp Org2MSP tello1      # of nothing: takes it back, and the lease
+  ledgerline control --config pilot.toml request --priority 3 tello1
+  ledgerline control --config operator.toml hand_over --msp Org2MSP --cert pilot.pem tello1
+  ledgerline control --config supervisor.toml evict tello1
+  ledgerline control --config operator.toml show
+  ledgerline control --config operator.toml anchor --what "flight 7, camera 2" flight7.mp4
 Exit codes: 0 done, 1 refused or not reached, 2 bad usage.)";
 
 std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
@@ -366,8 +367,8 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("control", about, notes);
+int ledgerline::command::control(int argc, char** argv) {
+  CommandLine line("ledgerline control", about, notes);
   Options options;
   line.option("--config", options.config, "TOML file with [ledger]").required();
   const std::vector<Verb> verbs = add_verbs(line, options);

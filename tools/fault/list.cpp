@@ -11,7 +11,7 @@
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/run/metrics.hpp"
 #include "hil/fault/script.hpp"
-#include "hil/fault/verbs/verbs.hpp"
+#include "tools/fault/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
 namespace {
@@ -92,10 +92,10 @@ Result<std::vector<std::string>> files_asked(const std::string& asked, std::stri
     folder = asked;
     return scripts_in(folder);
   }
-  const auto library = scenario_folder(program_folder());
+  const auto library = scenario_folder(build_or_prefix());
   if (!library) return library.error();
   folder = *library;
-  return asked.empty() ? scripts_in(folder) : scripts_named({asked}, program_folder());
+  return asked.empty() ? scripts_in(folder) : scripts_named({asked}, build_or_prefix());
 }
 
 // As far as scripts are good; those that are not are said, and make a bad exit code.

@@ -12,7 +12,7 @@
 #include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/script.hpp"
-#include "hil/fault/verbs/verbs.hpp"
+#include "tools/fault/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
 namespace {
@@ -24,7 +24,7 @@ struct CheckOptions {
 };
 
 int check_scripts(const CheckOptions& options) {
-  const auto files = scripts_named(options.scripts, program_folder());
+  const auto files = scripts_named(options.scripts, build_or_prefix());
   if (!files) return usage_error(files.error().message);
   std::optional<RealStack> real;
   if (options.real) real = RealStack{options.ledger == "fabric", options.shim};

@@ -13,6 +13,7 @@
 #include "common/msg/contract.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/command/verbs.hpp"
 
 namespace {
 
@@ -363,8 +364,8 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  CommandLine line("contract", about, notes);
+int ledgerline::command::contract(int argc, char** argv) {
+  CommandLine line("ledgerline contract", about, notes);
   Options options;
   const std::vector<Verb> verbs = add_verbs(line, options);
   if (const auto end = line.parse(argc, argv)) return *end;

@@ -5,7 +5,7 @@
 
 #include "common/program/program.hpp"
 #include "hil/fault/compare/comparison.hpp"
-#include "hil/fault/verbs/verbs.hpp"
+#include "tools/fault/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
 namespace {
