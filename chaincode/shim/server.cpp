@@ -75,7 +75,7 @@ class Service final : public protos::Chaincode::Service {
       : id_(options.chaincode_id),
         client_names_(options.client_names.begin(), options.client_names.end()),
         invoke_(std::move(invoke)),
-        workers_(options.threads) {}
+        workers_("contract", options.threads) {}
 
   grpc::Status Connect(grpc::ServerContext* context,
                        grpc::ServerReaderWriter<protos::ChaincodeMessage, protos::ChaincodeMessage>* stream) override {

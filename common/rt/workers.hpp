@@ -1,4 +1,6 @@
 #pragma once
+#include <pthread.h>
+
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -11,7 +13,8 @@ namespace ledgerline {
 /// A fixed number of threads and a bounded queue before them. All methods from any thread, but for the tasks' own.
 class Workers {
  public:
-  explicit Workers(int threads, std::size_t max_waiting = 1000) : max_waiting_(max_waiting) {
+  /// `role`: the threads' name, at most 15 characters.
+  Workers(const char* role, int threads, std::size_t max_waiting = 1000) : role_(role), max_waiting_(max_waiting) {
     for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { run(); });
   }
   ~Workers() { close(); }
@@ -47,6 +50,7 @@ class Workers {
 
  private:
   void run() {
+    ::pthread_setname_np(::pthread_self(), role_);
     std::unique_lock lock(mutex_);
     for (;;) {
       changed_.wait(lock, [&] { return over_ || !tasks_.empty(); });
@@ -59,6 +63,7 @@ class Workers {
     }
   }
 
+  const char* const role_;
   const std::size_t max_waiting_;
   std::mutex mutex_;
   std::condition_variable changed_;

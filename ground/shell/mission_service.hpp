@@ -83,8 +83,8 @@ class MissionService {
   Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker
   std::deque<Task> waiting_;  ///< taken out of it
   std::atomic<bool> closed_{false};
-  Workers disk_{1, max_waiting};    ///< keeps and forgets: a few files, which are soon written
-  Workers worker_{1, max_waiting};  ///< reads, checks and asks the ledger
+  Workers disk_{"mission files", 1, max_waiting};  ///< keeps and forgets: a few files, which are soon written
+  Workers worker_{"missions", 1, max_waiting};     ///< reads, checks and asks the ledger
 };
 
 }  // namespace ledgerline::ground

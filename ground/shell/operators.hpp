@@ -79,7 +79,7 @@ class OperatorService final : public service::OperatorKeys {
   mutable std::mutex clients_mutex_;
   std::vector<Clients> clients_;  ///< of each
   std::atomic<bool> closed_{false};
-  Workers worker_{1, max_waiting};
+  Workers worker_{"operators", 1, max_waiting};
 };
 
 /// Which operators may sign nothing any more, as the roles of one channel say: read from the ledger at first and when a
@@ -110,7 +110,7 @@ class RoleWatch {
   std::vector<std::size_t> dismissed_;
   std::atomic<bool> closed_{false};
   Mailbox<Result<verification::Roles>> read_;
-  Workers worker_{1, 1};
+  Workers worker_{"roles", 1, 1};
 };
 
 /// The sessions of operators: they end with the operator's role, and of one who has left what he holds is landed and

@@ -57,8 +57,7 @@ Result<std::vector<std::string>> scripts_in(const std::string& folder) {
   return files;
 }
 
-Result<std::vector<std::string>> scripts_named(const std::vector<std::string>& names,
-                                               const std::string& prefix) {
+Result<std::vector<std::string>> scripts_named(const std::vector<std::string>& names, const std::string& prefix) {
   std::vector<std::string> files;
   for (const std::string& name : names) {
     std::error_code error;

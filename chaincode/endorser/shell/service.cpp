@@ -1,6 +1,7 @@
 #include "chaincode/endorser/shell/service.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -352,6 +353,7 @@ void Service::await_check(std::unique_lock<std::mutex>& lock) {
 }
 
 void Service::run_checks() {
+  ::pthread_setname_np(::pthread_self(), "checks");
   BackOff back_off(first_retry_ns, max_retry_ns);
   auto checkpoint_at = std::chrono::steady_clock::now() + checkpoint_period;
   Random random(seed());

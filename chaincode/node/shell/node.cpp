@@ -1,5 +1,7 @@
 #include "chaincode/node/shell/node.hpp"
 
+#include <pthread.h>
+
 #include <algorithm>
 #include <filesystem>
 
@@ -209,6 +211,7 @@ void Node::on_failure(std::function<void(const std::string&)> handler) {
 }
 
 void Node::run_core() {
+  ::pthread_setname_np(::pthread_self(), "core");
   TimeNs check_disk_ns = 0;
   std::unique_lock lock(mutex_);
   for (;;) {

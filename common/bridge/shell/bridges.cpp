@@ -1,6 +1,7 @@
 #include "common/bridge/shell/bridges.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -150,6 +151,7 @@ BesideBridges::~BesideBridges() {
 }
 
 void BesideBridges::carry() {
+  ::pthread_setname_np(::pthread_self(), "bridge");
   BackOff pause(first_pause_ns, max_pause_ns);
   Random random(std::random_device{}());
   while (!quit_) {

@@ -1,6 +1,7 @@
 #include "common/fabric/blocks/checkpoint.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 
 #include <charconv>
 #include <chrono>
@@ -141,6 +142,7 @@ void CheckpointWriter::store(Checkpoint newest) {
 }
 
 void CheckpointWriter::run() {
+  ::pthread_setname_np(::pthread_self(), "checkpoint");
   std::unique_lock lock(mutex_);
   while (true) {
     wake_.wait(lock, [this] { return stopping_ || newest_; });

@@ -1,6 +1,7 @@
 #include "common/fabric/client/pipeline.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 
 #include <algorithm>
 
@@ -104,6 +105,7 @@ void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
 }
 
 void Pipeline::run() {
+  ::pthread_setname_np(::pthread_self(), "submit");
   void* tag = nullptr;
   bool ok = false;
   while (queue_.Next(&tag, &ok)) {

@@ -1,6 +1,7 @@
 #include "common/fabric/client/stream_thread.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 
 #include <chrono>
 
@@ -66,6 +67,7 @@ void StreamThread::connected() {
 }
 
 void StreamThread::run() {
+  ::pthread_setname_np(::pthread_self(), "stream");
   while (!stopping()) {
     const std::string why = follow_(*this);
     if (stopping()) return;

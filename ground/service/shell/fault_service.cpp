@@ -1,5 +1,7 @@
 #include "ground/service/shell/fault_service.hpp"
 
+#include <pthread.h>
+
 #include <algorithm>
 #include <chrono>
 #include <iterator>
@@ -56,6 +58,7 @@ void FaultService::close() {
 }
 
 void FaultService::run() {
+  ::pthread_setname_np(::pthread_self(), "faults");
   std::unique_lock lock(mutex_);
   while (!over_) {
     if (waiting_.empty()) {

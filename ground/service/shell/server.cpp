@@ -1,6 +1,7 @@
 #include "ground/service/shell/server.hpp"
 
 #include <fmt/format.h>
+#include <pthread.h>
 #include <sys/stat.h>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ip/v6_only.hpp>
@@ -94,6 +95,7 @@ class BeastServer final : public Server {
  private:
   // Whatever goes wrong here is no reason for a flight to end.
   void serve() {
+    ::pthread_setname_np(::pthread_self(), "page");
     try {
       io_.run();
     } catch (const std::exception& problem) {

@@ -12,7 +12,7 @@ namespace {
 
 TEST(Workers, EndBehindAllThatWaitsOrBehindWhatHasBegun) {
   for (const bool drops : {false, true}) {
-    Workers workers(1);
+    Workers workers("test", 1);
     std::atomic<int> done{0};
     std::promise<void> begun, go_on;
     EXPECT_TRUE(workers.post([&] {
