@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
+#include <ctime>
+
 #include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/transaction.hpp"
@@ -10,7 +13,8 @@
 namespace ledgerline::audit {
 namespace {
 
-constexpr std::size_t max_shown = 200;  // of what others wrote
+constexpr std::size_t max_shown = 200;              // of what others wrote
+constexpr std::int64_t max_time_s = 9'000'000'000;  // in ns it fits 64 bits
 
 bool parse(std::string_view bytes, common::Block& block) {
   return bytes.size() <= INT32_MAX && block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
@@ -61,8 +65,20 @@ std::string to_text(const Finding& finding) {
   return fmt::format("block {}, transaction {}{}: {}", finding.block, *finding.transaction, id, finding.what);
 }
 
-Result<ChainAudit> ChainAudit::start(Trust trust) {
-  ChainAudit audit(std::move(trust));
+Result<TimeNs> time_from(const std::string& text) {
+  std::int64_t seconds = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
+  if (error == std::errc() && end == text.data() + text.size() && seconds >= 0 && seconds <= max_time_s)
+    return seconds * ns_per_s;
+  std::tm utc{};
+  const char* const rest = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+  if (rest == nullptr || *rest != '\0' || utc.tm_year < 70 || utc.tm_year > 350)
+    return Error{printable(text) + " is no time as 2026-11-29T01:02:03Z, nor seconds since 1970"};
+  return std::int64_t{::timegm(&utc)} * ns_per_s;
+}
+
+Result<ChainAudit> ChainAudit::start(Trust trust, TimeSpan told) {
+  ChainAudit audit(std::move(trust), told);
   audit.rules_.channel = audit.trust_.channel;
   if (audit.trust_.anchor.empty()) return audit;
   auto validator = fabric::BlockValidator::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);

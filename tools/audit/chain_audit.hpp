@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -52,7 +53,8 @@ struct Counts {
 class ChainAudit {
  public:
   /// An error: the anchor is no configuration of that channel.
-  static Result<ChainAudit> start(Trust trust);
+  /// `told`: what the report is about.
+  static Result<ChainAudit> start(Trust trust, TimeSpan told = {});
 
   /// The next block of the chain, a common.Block.
   void add(std::string_view block);
@@ -70,7 +72,7 @@ class ChainAudit {
   std::string newest_hash() const { return crypto::hex(hash_.value_or("")); }
 
  private:
-  explicit ChainAudit(Trust trust) : trust_(std::move(trust)) {}
+  ChainAudit(Trust trust, TimeSpan told) : trust_(std::move(trust)), report_(std::make_unique<ChainReport>(told)) {}
   void find(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what);
   bool follow_chain(const common::Block& block);
   void validate_orderers(const common::Block& block);
@@ -92,7 +94,7 @@ class ChainAudit {
   fabric::ValidationRules rules_;
   fabric::KeyState state_;
   std::unique_ptr<crypto::MspRegistry> members_;
-  std::unique_ptr<ChainReport> report_ = std::make_unique<ChainReport>();
+  std::unique_ptr<ChainReport> report_;
   std::vector<Finding> findings_;
   Counts counts_;
 };
@@ -100,8 +102,13 @@ class ChainAudit {
 /// What was audited, beside what was found.
 struct AuditRequest {
   std::string channel, source;
-  std::string anchor;  ///< file; empty: the first block was taken as it is
+  std::string anchor;              ///< file; empty: the first block was taken as it is
+  std::set<std::string> drones{};  ///< that are told of; none: all
+  bool tells_of(const std::string& drone) const { return drones.empty() || drones.contains(drone); }
 };
+
+/// Of "2026-11-29T01:02:03Z" or s since 1970, real time.
+Result<TimeNs> time_from(const std::string& text);
 
 /// For a terminal: one or two screens. The last line names the first finding, or says that there is none.
 std::string to_table(const ChainAudit& audit, const AuditRequest& asked);

@@ -85,7 +85,7 @@ json transitions_of(const DroneReport& drone) {
 json to_json(const DroneReport& drone) {
   json path = json::array();
   for (const PathPoint& p : drone.path.all())
-    path.push_back({rounded(p.position_m[0]), rounded(p.position_m[1]), rounded(p.position_m[2])});
+    path.push_back({rounded(p.position_m[0]), rounded(p.position_m[1]), rounded(p.position_m[2]), seconds(p.stamp_ns)});
   return {{"holders", holders_of(drone)},
           {"commands", commands_of(drone)},
           {"commands_over_time", over_time(drone.commands_over_time)},
@@ -122,7 +122,9 @@ json to_json(const ChainAudit& audit, const AuditRequest& asked) {
                         {"why", r.why},
                         {"first", to_json(r.first)}});
   }
-  for (const auto& [name, drone] : report.drones()) drones[name] = to_json(drone);
+  for (const auto& [name, drone] : report.drones()) {
+    if (asked.tells_of(name)) drones[name] = to_json(drone);
+  }
   return {{"ok", c.findings == 0},
           {"asked", {{"channel", asked.channel}, {"source", asked.source}, {"anchor", asked.anchor}}},
           {"first_difference", audit.findings().empty() ? json() : json(to_text(audit.findings().front()))},
@@ -140,6 +142,7 @@ json to_json(const ChainAudit& audit, const AuditRequest& asked) {
           {"to_s", seconds(report.last_ns())},
           {"functions", report.functions()},
           {"roles", to_json(report.roles())},
+          {"anchors", to_json(report.anchors())},
           {"refusals", refusals},
           {"refusals_left_out", report.refusals_left_out()},
           {"drones", drones}};

@@ -21,7 +21,8 @@ using namespace ledgerline::audit;
 constexpr int exit_found = 1, exit_unreadable = 2;
 
 struct Options {
-  std::string blocks, config, anchor, channel = "teleop", save, json, html;
+  std::string blocks, config, anchor, channel = "teleop", save, json, html, from, to;
+  std::vector<std::string> drones;
   bool trust_first_block = false;
   double timeout_s = 20;
 };
@@ -34,6 +35,7 @@ int fail_unreadable(const std::string& what) {
 /// What goes where: set by what was asked for, before anything is read.
 struct Plan {
   Trust trust;
+  TimeSpan told;
   AuditRequest asked;
   std::optional<fabric::ClientConfig> peer;
 };
@@ -61,6 +63,9 @@ Result<Plan> make_plan(const Options& options) {
     plan.asked.anchor = options.anchor;
   }
   plan.asked.channel = plan.trust.channel;
+  plan.asked.drones.insert(options.drones.begin(), options.drones.end());
+  if (!options.from.empty()) plan.told.from_ns = *time_from(options.from);
+  if (!options.to.empty()) plan.told.to_ns = *time_from(options.to);
   if (plan.trust.anchor.empty() && !options.trust_first_block)
     return Error{
         "name a config block of the channel that you trust (--anchor FILE, or config_block in --config FILE); "
@@ -74,7 +79,7 @@ int run(const Options& options) {
   google::protobuf::SetLogHandler(nullptr);  // a line for each string that is no UTF-8: findings say what is wrong
   auto plan = make_plan(options);
   if (!plan) return fail_unreadable(plan.error().message);
-  auto audit = ChainAudit::start(plan->trust);
+  auto audit = ChainAudit::start(plan->trust, plan->told);
   if (!audit) return fail_unreadable("the trust anchor: " + audit.error().message);
   Status saved = done;
   const OnBlock on_block = [&](std::string_view block) {
@@ -105,10 +110,11 @@ constexpr const char* about =
     "Validates a channel's whole chain, from a peer or from a copy without any network, trusting no flag: who "
     "commanded, held and stopped which drone, and the first transaction that is not as it must be.";
 constexpr const char* notes = R"(Examples:
-  audit --config operator.toml --html audit.html
-  audit --config operator.toml --save copy
-  audit --blocks copy --anchor teleop.block
-  audit --blocks /tmp/ledger/ledger/blocks --anchor /tmp/ledger/teleop.block --json -
+  ledgerline audit --config operator.toml --html audit.html
+  ledgerline audit --config operator.toml --save copy
+  ledgerline audit --blocks copy --anchor teleop.block --drone tello1 --from 2026-11-29T01:02:03Z --json flight.json
+  ledgerline audit --blocks copy --anchor teleop.block
+  ledgerline audit --blocks /tmp/ledger/ledger/blocks --anchor /tmp/ledger/teleop.block --json -
 A copy: the blocks file of a ledgerline-node that has ended, or a folder with 0.block, 1.block ... as --save and
 `peer channel fetch N` write them. Without flags (an orderer's blocks) there is nothing to compare verdicts with.
 Exit codes: 0 nothing found; 1 something is not as it must be: the last line names the first such thing;
@@ -121,6 +127,15 @@ void add_options(CommandLine& line, Options& o) {
   line.option("--anchor", o.anchor, "A config block of the channel that you trust (CHANNEL.block)").existing_file();
   line.flag("--trust-first-block", o.trust_first_block, "Without an anchor: take the chain's first block as it is");
   line.option("--channel", o.channel, "The channel of a copy").shows_default();
+  const auto is_time = [](const std::string& text) {
+    const auto time = time_from(text);
+    return time ? std::string() : time.error().message;
+  };
+  line.option("--drone", o.drones, "Tell of this one alone; may be given again. The whole chain is checked")
+      .one_at_a_time();
+  line.option("--from", o.from, "Tell of what is claimed to be from then on: 2026-11-29T01:02:03Z, or s since 1970")
+      .checked_by("TIME", is_time);
+  line.option("--to", o.to, "And of nothing behind that").checked_by("TIME", is_time);
   line.option("--save", o.save, "Write every block into this folder, for later audits");
   line.option("--timeout", o.timeout_s, "Seconds without a block after which a peer's chain ends")
       .within(1.0, 600.0)

@@ -2,6 +2,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -32,6 +33,8 @@ class FirstOnes {
   }
   const std::vector<T>& all() const { return all_; }
   T* last() { return left_out_ > 0 || all_.empty() ? nullptr : &all_.back(); }
+  /// Takes the last one out again.
+  void drop_last() { all_.pop_back(); }
   std::uint64_t left_out() const { return left_out_; }
   std::uint64_t count() const { return all_.size() + left_out_; }
 
@@ -136,6 +139,12 @@ struct PathPoint {
   std::array<double, 3> position_m{};
 };
 
+/// What of a chain is told, by the times that transactions' creators claim; all of it is checked.
+struct TimeSpan {
+  TimeNs from_ns = std::numeric_limits<TimeNs>::min(), to_ns = std::numeric_limits<TimeNs>::max();
+  bool contains(TimeNs at_ns) const { return at_ns >= from_ns && at_ns <= to_ns; }
+};
+
 struct DroneReport {
   FirstOnes<Tenure> holders{1'000};
   FirstOnes<Event> events{2'000};
@@ -151,6 +160,7 @@ struct DroneReport {
   Histogram two_way;
 
   // To follow the chain with.
+  bool is_telling = true;  ///< the transaction that is read is in the span that is told
   struct Alarmed {
     bool stands = false;
     std::uint64_t count = 0;
@@ -173,7 +183,8 @@ struct Refusals {
 /// long a command took, where they flew. Everything is bounded or counted. Pure; one thread.
 class ChainReport {
  public:
-  explicit ChainReport(std::string contract = "ledgerline") : contract_(std::move(contract)) {}
+  explicit ChainReport(TimeSpan told = {}, std::string contract = "ledgerline")
+      : told_(told), contract_(std::move(contract)) {}
 
   /// A transaction in the chain's order; `creator` as its certificate says. An error: what it wrote of a drone does not
   /// follow from what its creator signed and from the record before, though its endorsers let it pass.
@@ -192,6 +203,8 @@ class ChainReport {
   const std::map<std::string, std::uint64_t>& functions() const { return functions_; }
   /// Roles given and taken.
   const FirstOnes<Event>& roles() const { return roles_; }
+  /// Of missions' approvals, of files and the like: what their signers called them.
+  const FirstOnes<Event>& anchors() const { return anchors_; }
   TimeNs first_ns() const { return first_ns_; }
   TimeNs last_ns() const { return last_ns_; }
 
@@ -199,16 +212,19 @@ class ChainReport {
   DroneReport* drone(const std::string& name);
   void add_refusal(const ValidationResult& result, const fabric::Transaction& tx, const std::string& who);
   void add_command(const ValidationResult& result, const fabric::Transaction& tx, const access::Caller& creator);
+  void add_anchor(const fabric::Transaction& tx, const std::string& who, const Moment& when);
   void add_set(const fabric::Transaction& tx, const Moment& when);
   Status add_control(const fabric::Transaction& tx, const access::Caller& creator, const Moment& when);
   void add_record(const Control& after, const std::string& by, const Moment& when);
 
+  TimeSpan told_;
   std::string contract_;
+  bool is_telling_ = true;
   std::map<std::string, DroneReport> drones_;
   std::map<RefusalKey, Refusals> refusals_;
   std::uint64_t refusals_left_out_ = 0;
   std::map<std::string, std::uint64_t> functions_;
-  FirstOnes<Event> roles_{1'000};
+  FirstOnes<Event> roles_{1'000}, anchors_{1'000};
   TimeNs first_ns_ = 0, last_ns_ = 0;
 };
 

@@ -126,8 +126,13 @@ std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
   if (!functions.empty()) text += "  valid:" + functions + "\n";
   text += some(report.roles().all(), report.roles().count(),
                [](const Event& w) { return fmt::format("{} by {}, {}", w.what, w.who, where(w.when)); });
+  if (report.anchors().count() > 0)
+    text += "  anchored:\n" + some(report.anchors().all(), report.anchors().count(), [](const Event& w) {
+              return fmt::format("{} by {}, {}", w.what, w.who, where(w.when));
+            });
   std::size_t shown = 0, quiet = 0;
   for (const auto& [name, drone] : report.drones()) {
+    if (!asked.tells_of(name)) continue;
     const bool moved = drone.states > 0 || drone.holders.count() > 0 || !drone.commands.empty();
     if (moved && shown < max_drones) {
       text += drone_text(name, drone);

@@ -9,7 +9,7 @@ namespace ledgerline::command {
 using Main = int(int argc, char** argv);
 
 Main alarms, audit, bench, configuration, contract, control, dds_security, demo, doctor, drones, fabric, fault, flights,
-    fly, hil, identity, init, local, missions, receipt, status, tello, timing, topics;
+    fly, hil, identity, init, ledger, local, missions, receipt, status, tello, timing, topics;
 
 struct VerbRow {
   std::string_view group;    ///< its heading in `ledgerline --help`
@@ -18,7 +18,7 @@ struct VerbRow {
   std::string_view about;    ///< a line
 };
 
-inline constexpr std::array<VerbRow, 25> verbs{{
+inline constexpr std::array<VerbRow, 26> verbs{{
     {"Fly", "fly", "ledgerline-fly", "fly simulated drones, or a deployment's own, and report how it went"},
     {"Fly", "demo", "ledgerline-fly", "three drones, a page and two operators, with what to try"},
     {"Fly", "tello", "ledgerline tello", "find, check, calibrate and set up a real Tello"},
@@ -31,6 +31,7 @@ inline constexpr std::array<VerbRow, 25> verbs{{
     {"Ledger", "fabric", "ledgerline-ledger", "run a Fabric network on this host"},
     {"Ledger", "contract", "ledgerline-ledger", "package the contract, and install it on your own network"},
     {"Ledger", "identity", "ledgerline-ledger", "enroll, renew and revoke certificates"},
+    {"Ledger", "ledger", "ledgerline-ledger", "what the ledger holds: a value, its history, a transaction"},
     {"Ledger", "audit", "ledgerline-ledger", "check a ledger from its first block, and say what was flown"},
     {"Ledger", "receipt", "ledgerline-ledger", "a proof of one transaction, checked without the ledger"},
     {"Hosts", "init", "ledgerline-ledger", "write the configs of a host"},

@@ -13,6 +13,7 @@
 #include "sim/core/parameters.hpp"
 #include "tools/configuration/config_file.hpp"
 #include "tools/launcher/machine.hpp"
+#include "tools/launcher/page_access.hpp"
 
 namespace ledgerline::launcher {
 namespace {
@@ -74,7 +75,12 @@ std::string vector_of(const std::array<double, 3>& v, const char* form) {
 
 void add_service(ConfigFile& out, const RunFiles& files, const Options& options) {
   if (!options.watch) return;
-  out.text("[service]", "listen", fmt::format("127.0.0.1:{}", free_port()));
+  const ListenAddress at = options.listen.empty() ? ListenAddress{"127.0.0.1"} : *listen_address_from(options.listen);
+  out.text("[service]", "listen", fmt::format("{}:{}", at.address, at.port > 0 ? at.port : free_port(at.address)));
+  if (!options.listen.empty()) {
+    out.text("[service]", "tls_certificate", files.in("page.pem"));
+    out.text("[service]", "tls_key", files.in("page.key"));
+  }
   out.text("[service]", "token_file", files.page_token());
   if (!options.operators.empty()) out.text("[service]", "operators", files.in("operators"));
   if (options.fault_switches) out.text("[service]", "faults", files.fault_switches());
@@ -316,6 +322,11 @@ LedgerAccess follower_access(const RunFiles& files, const Options& options, cons
 
 Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
                      const Proxied& proxied) {
+  if (!options.listen.empty()) {
+    const std::string address = listen_address_from(options.listen)->address;
+    if (free_port(address) == 0) return Error{"--listen: " + address + " is no address of this computer"};
+    if (auto s = make_page_certificate(files, address); !s) return s;
+  }
   const deployment::OwnLedger* network = is_of_others(options) ? &*options.own->network : nullptr;
   // What both sides of the ledger have.
   const auto follower = [&](const std::string& program) {

@@ -1,6 +1,7 @@
 #include "tools/launcher/launcher.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <filesystem>
@@ -12,6 +13,7 @@
 #include "sim/core/sensors.hpp"
 #include "tools/checks/shell/host_probe.hpp"
 #include "tools/launcher/machine.hpp"
+#include "tools/launcher/page_access.hpp"
 #include "tools/timing/usage.hpp"
 
 namespace ledgerline::launcher {
@@ -130,11 +132,23 @@ void Launcher::show_page(const std::string& url) {
   while (token->ends_with('\n')) token->pop_back();
   const std::string page = fmt::format("{}/#token={}", url, *token);
   live_.print("The page: " + page);
-  live_.print(
-      fmt::format("By commands: export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}", url, files_.page_token()));
+  if (!options_.listen.empty()) show_access_of_others(page);
+  live_.print(fmt::format("By commands: export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}{}", url,
+                          files_.page_token(),
+                          options_.listen.empty() ? "" : " LEDGERLINE_CA=" + files_.in("page-ca.pem")));
   if (!std::exchange(options_.open, false)) return;  // a ground that comes back has its page open
   if (const Status opened = open_in_browser(page, files_.in("open.html")); !opened)
     live_.print("Open the page yourself: " + opened.error().message);
+}
+
+void Launcher::show_access_of_others(const std::string& page) {
+  const auto pem = read_file(files_.in("page.pem"));
+  const auto shown = pem ? fingerprint(*pem) : Result<std::string>(pem.error());
+  if (shown)
+    live_.print("A browser does not know this page's certificate. Go on if it shows this fingerprint (SHA-256):\n  " +
+                *shown);
+  const auto code = qr_code(page);
+  if (code && ::isatty(STDERR_FILENO) == 1) live_.print(*code);
 }
 
 void Launcher::record_early_end(const std::string& name) {

@@ -142,6 +142,8 @@ class Launcher {
   void stop_all(bool landed);
   void on_line(const std::string& name, const nlohmann::json& message, const std::string& line);
   void show_page(const std::string& url);
+  /// What a device needs that is not this computer: the certificate's fingerprint, and on a terminal a QR code.
+  void show_access_of_others(const std::string& page);
   void record_early_end(const std::string& name);
 
   Options options_;

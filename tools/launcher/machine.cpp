@@ -117,13 +117,13 @@ RunLock::~RunLock() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-int free_port() {
+int free_port(const std::string& address) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   sockaddr_in at{};
   at.sin_family = AF_INET;
-  at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   socklen_t size = sizeof at;
-  const bool bound = fd >= 0 && ::bind(fd, reinterpret_cast<const sockaddr*>(&at), size) == 0 &&
+  const bool bound = fd >= 0 && ::inet_pton(AF_INET, address.c_str(), &at.sin_addr) == 1 &&
+                     ::bind(fd, reinterpret_cast<const sockaddr*>(&at), size) == 0 &&
                      ::getsockname(fd, reinterpret_cast<sockaddr*>(&at), &size) == 0;
   if (fd >= 0) ::close(fd);
   return bound ? ntohs(at.sin_port) : 0;

@@ -38,9 +38,9 @@ struct Machine {
 };
 Machine describe_machine();
 
-/// A TCP port of 127.0.0.1 that nobody has now, so that a ground that is started again serves where its page looks for
-/// it; 0: there is none.
-int free_port();
+/// A TCP port of an address of this host that nobody has now, so that a ground that is started again serves where its
+/// page looks for it; 0: there is none, or the address is not this host's.
+int free_port(const std::string& address = "127.0.0.1");
 
 /// "127.0.0.2" for drone 1.
 std::string address_of(int drone);

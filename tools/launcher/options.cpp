@@ -16,6 +16,7 @@
 #include "sim/core/sensors.hpp"
 #include "tools/deployment/deployment.hpp"
 #include "tools/launcher/configs.hpp"
+#include "tools/launcher/page_access.hpp"
 #include "tools/launcher/preflight.hpp"
 
 namespace ledgerline::launcher {
@@ -163,6 +164,15 @@ void add_run_options(CommandLine& line, Options& o) {
           "--fault-switches", o.fault_switches,
           "The page has switches that delay or stall the ledger, silence a drone, lose its commands (docs/station.md)")
       .needs(watch);
+  line.option(
+          "--listen", o.listen,
+          "Serve the page to other devices, too: ADDRESS of this computer, or ADDRESS:PORT. TLS with a certificate\n"
+          "made for it; a QR code leads a phone there (docs/station.md)")
+      .needs(watch)
+      .checked_by("ADDRESS", [](const std::string& text) {
+        const auto listen = listen_address_from(text);
+        return listen ? std::string() : listen.error().message;
+      });
   line.flag("--open", o.open, "Open the page in the browser, where there is xdg-open").needs(watch);
   const Option operators =
       line.option("--operators", o.operators,

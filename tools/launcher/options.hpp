@@ -57,6 +57,7 @@ struct Options {
   bool watch = false;           ///< ground serves its page (docs/station.md)
   bool fault_switches = false;  ///< of the proxy, at that page
   bool open = false;            ///< in the browser
+  std::string listen;           ///< the page's address for other devices, with TLS; empty: this computer alone
   std::vector<std::string>
       operators{};           ///< who sign in there with keys of their own; none: ground's identity signs all
   int approvals = 1;         ///< of different operators, before a mission starts: 1 or 2

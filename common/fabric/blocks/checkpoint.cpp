@@ -78,7 +78,7 @@ Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const
         path, why)};
   };
   const auto text = read_file(path);
-  if (!text) return unusable("it cannot be read, or is empty");
+  if (!text || text->empty()) return unusable("it cannot be read, or is empty");
   auto read = checkpoint_from(*text);
   if (!read) return unusable(read.error().message);
   if (read->channel != channel)

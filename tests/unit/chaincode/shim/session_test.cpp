@@ -27,7 +27,7 @@ using Message = protos::ChaincodeMessage;
 /// Answers as a peer does, at once or on request.
 class FakePeer {
  public:
-  explicit FakePeer(Invoke invoke, int threads = 4) : workers_(std::make_unique<Workers>(threads)) {
+  explicit FakePeer(Invoke invoke, int threads = 4) : workers_(std::make_unique<Workers>("contract", threads)) {
     session = std::make_shared<Session>(
         "ledgerline_1:hash", std::move(invoke), [this](const Message& message) { return take(message); }, *workers_);
     session->begin();

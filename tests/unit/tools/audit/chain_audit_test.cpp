@@ -55,6 +55,41 @@ TEST_F(ChainAuditTest, NothingIsFoundInAnHonestChain) {
               EndsWith("nothing found: everything is as it must be\n"));
 }
 
+TEST_F(ChainAuditTest, TellsOfTheSpanAndTheDronesThatWereAskedForAndChecksAll) {
+  const DroneReport all = audited(ledger.chain, ledger.trust()).report().drones().at("tello1");
+  const Commands& commands = all.commands.begin()->second;
+  ASSERT_EQ(commands.valid, 3U);
+  const ChainAudit later = audited(ledger.chain, ledger.trust(), {commands.last.time_ns, commands.last.time_ns});
+  const DroneReport& told = later.report().drones().at("tello1");
+  EXPECT_EQ(told.commands.begin()->second.valid, 1U);
+  EXPECT_EQ(told.holders.count(), 1U) << "held since before";
+  EXPECT_EQ(told.events.count(), 0U) << "enrolled and granted before";
+  EXPECT_EQ(later.counts().transactions, audited(ledger.chain, ledger.trust()).counts().transactions);
+
+  AuditRequest asked{"teleop", "memory", "anchor", {"tello7"}};
+  EXPECT_TRUE(to_json(later, asked)["drones"].empty());
+  asked.drones.insert("tello1");
+  EXPECT_TRUE(to_json(later, asked)["drones"].contains("tello1"));
+}
+
+TEST_F(ChainAuditTest, TellsOfAnchorsInTheirSignersWords) {
+  AnchorCall call;
+  call.set_digest(std::string(32, 'd'));
+  call.set_what("approves mission survey");
+  ledger.submit(ledger.pilot, "anchor", call.SerializeAsString());
+  const ChainAudit audit = audited(ledger.chain, ledger.trust());
+  ASSERT_EQ(audit.report().anchors().count(), 1U);
+  EXPECT_THAT(audit.report().anchors().all()[0].what, HasSubstr("\"approves mission survey\", SHA-256 6464"));
+  EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}), HasSubstr("approves mission survey"));
+}
+
+TEST(ATime, IsOfTheClockOrInSeconds) {
+  EXPECT_EQ(*time_from("2023-11-14T22:13:20Z"), 1'700'000'000 * ns_per_s);
+  EXPECT_EQ(*time_from("1700000000"), 1'700'000'000 * ns_per_s);
+  for (const char* wrong : {"", "yesterday", "-5", "2023-11-14", "2023-11-14T22:13:20", "99999999999999999999"})
+    EXPECT_FALSE(time_from(wrong)) << wrong;
+}
+
 TEST_F(ChainAuditTest, AFlagThatIsNotTheVerdictIsFound) {
   common::Block block = parsed(ledger.chain.back());
   std::string& flags = *block.mutable_metadata()->mutable_metadata(common::TRANSACTIONS_FILTER);

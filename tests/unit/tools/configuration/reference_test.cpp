@@ -25,9 +25,9 @@ std::string text_of(const fs::path& path) {
 
 // Files whose Config is not a program's config: scripts of faults and of the shim's plans, the choice among [[msp]] of
 // what was read before, and one that reads [ledger] alone and has a file's name among its defaults.
-const std::set<std::string> other_readers{"chaincode/lifecycle/main.cpp", "hil/fault/script.cpp",
-                                          "hil/fault/pilot.cpp",          "hil/fault/script.cpp",
-                                          "hil/shim/scripted_agent.cpp",  "onboard/agent/shell/main.cpp"};
+const std::set<std::string> other_readers{"tools/contract/main.cpp",     "hil/fault/script.cpp",
+                                          "hil/fault/pilot.cpp",         "hil/fault/script.cpp",
+                                          "hil/shim/scripted_agent.cpp", "onboard/agent/shell/main.cpp"};
 
 const std::set<std::string> script_keys{"fault.do", "at_s", "for_s", "do"};  // of the proxy's scripts (docs/faults.md)
 
