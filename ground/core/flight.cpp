@@ -219,6 +219,11 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
   drone.commanded = true;
   const bool stop = command.stop || command.cut;
   if (stop) stops_.request(now_ns, command.drone, command.cut, command.by);
+  if (command.clear_stop && !stop) {
+    const Status asked = drone.phases.in_air() ? Status(Error{"it is still landing: its stop is not cleared"})
+                                               : stops_.request_clear(now_ns, command.drone);
+    if (!asked) refuse(now_ns, command.drone, asked.error().message, out);
+  }
   if (stop || command.land) {
     const Status landed = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
                                                              : config_.manual ? ""

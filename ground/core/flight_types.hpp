@@ -103,6 +103,7 @@ struct PilotCommand {
   bool pause = false;
   std::optional<PilotOrder> order{};  ///< the newest; no match for land, stop and cut
   bool stop = false, cut = false;     ///< the contract's stop: land now, no matter who flies; motors off at once
+  bool clear_stop = false;            ///< of a drone that ground itself has stopped, once it is on the ground
   std::uint64_t replaced = 0;         ///< velocities for which a newer one came before anybody looked
   std::uint64_t bad_values = 0;       ///< velocities that no drone can fly
   std::uint64_t malformed = 0;        ///< messages that are not what their topic says

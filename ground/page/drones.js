@@ -2,7 +2,7 @@
 
 import { BatteryTime, timeLeft } from './look/battery.js';
 import { Control } from './operators/control.js';
-import { nameOf, whyNotMine } from './operators/rules.js';
+import { isStopped, nameOf, whyNotMine } from './operators/rules.js';
 
 export const LATE_MS = 300;
 export const STALE_MS = 1000;
@@ -100,6 +100,7 @@ class Card {
   #whyNot(action, drone) {
     const [, possible, why] = ACTIONS[action];
     const others = this.#who.operators.length && HOLDERS.includes(action) ? whyNotMine(drone, this.#who) : null;
+    if (action === 'takeoff' && this.fresh && isStopped(drone)) return `${this.name} is stopped: clear the stop first.`;
     // What is stale may be wrong: then the station decides.
     return others ?? (this.fresh && !possible(drone) ? `${this.name} ${why}.` : null);
   }

@@ -74,6 +74,8 @@ const space = new SpaceSwitch(map, draft, ink, libraries);
 let keysOn = true;
 let linkWords = 'Not connected';
 let delayMs = null;
+let blockAt = 0; // when the newest block came, or the connection
+const SILENT_LEDGER_MS = 3000; // drones' states alone make many blocks a second
 let stationMs = () => 0; // the station's clock
 
 const inManual = () => connection.hello.manual && fleet.drone?.phase === 'manual';
@@ -128,6 +130,7 @@ at('blocks-on').addEventListener('click', () => {
 
 connection.addEventListener('hello', async ({ detail: hello }) => {
   put(at('link-back'), hello.back ?? '');
+  blockAt = performance.now();
   blocks.restart();
   hand.speed_mps = connection.hello.speed_mps;
   map.fence = connection.hello.fence;
@@ -154,7 +157,10 @@ connection.addEventListener('state', ({ detail }) => {
   takeState(detail.drones, now);
   delay.add(now, delayMs, Math.max(0, ...fleet.drones.filter((drone) => drone.has_state).map((drone) => drone.state_age_ms)), fleet.drones);
 });
-connection.addEventListener('blocks', ({ detail }) => blocks.add(detail.blocks));
+connection.addEventListener('blocks', ({ detail }) => {
+  blockAt = performance.now();
+  blocks.add(detail.blocks);
+});
 connection.addEventListener('events', ({ detail }) => {
   events.add(detail.events);
   fleet.hear(detail.events.filter((event) => connection.stateMs - event.t_ms < NEWS_MS));
@@ -185,8 +191,9 @@ addEventListener('online', () => connection.retryNow());
 function showLink(now) {
   const silent = fleet.silent(now);
   const quiet = connection.up && fleet.drones.length > 0 && silent > STALE_MS;
-  at('link').dataset.level = !connection.up ? 'stale' : quiet ? 'late' : 'fresh';
-  put(at('link-words'), quiet ? 'Connected, but nothing comes' : linkWords);
+  const ledgerSilent = connection.up && !quiet && now - blockAt > SILENT_LEDGER_MS;
+  at('link').dataset.level = !connection.up ? 'stale' : quiet || ledgerSilent ? 'late' : 'fresh';
+  put(at('link-words'), quiet ? 'Connected, but nothing comes' : ledgerSilent ? `Connected, but the ledger is silent: no block for ${Math.floor((now - blockAt) / 1000)} s` : linkWords);
   put(at('link-age'), connection.up && !quiet && delayMs !== null ? `${Math.round(delayMs)} ms` : fleet.drones.length ? `data ${(silent / 1000).toFixed(1)} s old` : '');
 }
 

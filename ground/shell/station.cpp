@@ -53,6 +53,7 @@ void Station::show(TimeNs now_ns) {
   board.paths = board_.changed_paths(view_);
   board.state = service::Board::state_message(now_ns, view_, board.drones);
   board.aloft = service::aloft_of(view_);
+  board.stopped = service::stopped_of(view_);
   board.stopped_by_ground = service::stopped_by_ground(view_);
   board.events = std::exchange(unshown_, {});
   server_->publish(std::move(board));

@@ -48,10 +48,16 @@ LedgerAccess access_of(const RunFiles& files, const std::string& endpoint, int o
           .config_block = files.in("ledger/teleop.block")};
 }
 
-std::string control_config(const RunFiles& files, const std::string& endpoint, int organisation,
+/// With a peer of each organisation, whose answers a receipt needs.
+std::string control_config(const RunFiles& files, const LedgerPlaces& places, int organisation,
                            const std::string& user) {
   ConfigFile out;
-  add_ledger(out, access_of(files, endpoint, organisation, user));
+  LedgerAccess access = access_of(files, places.endpoint, organisation, user);
+  for (std::size_t k = 1; k <= places.peers.size(); ++k) {
+    const int number = static_cast<int>(k);
+    access.endorsers.push_back({msp_id_of(number), places.peers[k - 1], "", tls_ca(files, number)});
+  }
+  add_ledger(out, access);
   return out.plain();
 }
 
@@ -360,14 +366,13 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   add_flight(ground, options);
   add_dds(ground, options, Side::ground);
   add_flown_drones(ground, options);
-  const std::string& endpoint = places.endpoint;
   const std::pair<std::string, std::string> all[] = {
       {"link", link_config(files, options)},
       {"agent", agent.plain()},
       {"ground", ground.plain()},
-      {"admin", network ? network->admin : control_config(files, endpoint, 1, "Admin")},
-      {"operators-admin", network ? "" : control_config(files, endpoint, 2, "Admin")},
-      {"operator", network ? network->pilot : control_config(files, endpoint, 2, "User1")},
+      {"admin", network ? network->admin : control_config(files, places, 1, "Admin")},
+      {"operators-admin", network ? "" : control_config(files, places, 2, "Admin")},
+      {"operator", network ? network->pilot : control_config(files, places, 2, "User1")},
   };
   for (const auto& [program, text] : all) {
     if (program == "operators-admin" && options.operators.empty()) continue;

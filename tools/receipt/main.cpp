@@ -7,10 +7,12 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
+#include "common/common.pb.h"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/receipt/receipt.hpp"
 #include "common/fabric/receipt/receipt_verifier.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/command/verbs.hpp"
@@ -98,12 +100,30 @@ Status check_all(const fabric::ReceiptVerifier& verifier, bool as_json, const st
   return Error{fmt::format("of {} receipts {} prove nothing", files.size(), not_proven)};
 }
 
+/// By the authorities of the channel's own configuration.
+Status check_by_config(const std::string& config_block, const std::string& bytes) {
+  common::Block block;
+  if (!block.ParseFromString(config_block)) return Error{"config_block is no block"};
+  auto config = fabric::read_channel_config(block);
+  if (!config) return config.error();
+  const auto verifier = fabric::ReceiptVerifier::from(
+      {config->channel, std::move(config->organisations), std::move(config->orderers), {}});
+  if (!verifier) return verifier.error();
+  if (const auto proven = verifier->verify(bytes); !proven)
+    return Error{fmt::format(
+        "the receipt is written, but nothing is proven by it: {}; name an [[endorser]] of each organisation in the "
+        "config",
+        proven.error().message)};
+  return done;
+}
+
 Status make(const Options& options) {
   auto config = Config::load(options.config);
   if (!config) return config.error();
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
+  const std::string config_block = ledger->config_block;
   const auto asked = fabric::collect_receipt(std::move(ledger).value(), options.transaction);
   if (!asked) return asked.error();
   for (const std::string& peer : asked->unheard) spdlog::warn("without the answer of {}", peer);
@@ -115,9 +135,9 @@ Status make(const Options& options) {
   }
   const std::string out = options.out.empty() ? options.transaction + ".receipt" : options.out;
   if (auto status = replace_file(out, bytes); !status) return status;
-  if (!options.trusts())
-    fmt::print("{}: {} bytes, answers of {} peers\n", out, bytes.size(), asked->receipt.answers.size());
-  return done;
+  if (options.trusts()) return done;
+  fmt::print("{}: {} bytes, answers of {} peers\n", out, bytes.size(), asked->receipt.answers.size());
+  return config_block.empty() ? done : check_by_config(config_block, bytes);
 }
 
 constexpr const char* about =

@@ -122,6 +122,16 @@ Status act(Station& station, const Target& target, const VerbOptions& verb_optio
   if (verb == "login") return log_in(station, target, verb_options);
   if (verb == "logout") return log_out(station, target);
   if (verb == "path") return fly_path(station, verb_options);
+  if (verb == "clear_stop" && verb_options.all) {
+    const auto body = station.request({.target = "drones"});
+    if (!body) return body.error();
+    auto stopped = stopped_drones(*body);
+    if (!stopped) return stopped.error();
+    if (stopped->empty()) return Error{"no drone is stopped"};
+    VerbOptions of_all = verb_options;
+    of_all.names = std::move(*stopped);
+    return sign(station, of_all, verb);
+  }
   if (is_signed_call(verb)) return sign(station, verb_options, verb);
   if (verb_options.all)
     return send(station, verb_options, verb, verb == "cut" ? cut_all(verb_options.yes) : stop_all(), "all");
@@ -142,7 +152,7 @@ Status act_and_wait(Station& station, const Target& target, const VerbOptions& v
 std::string nonsense(const VerbOptions& verb_options, const std::string& verb) {
   if (verb_options.wait && !has_an_end(verb)) return "--wait goes with takeoff, land, stop and cut";
   if (!verb.empty() && verb_options.watch) return "--watch goes with the table alone";
-  if ((verb == "stop" || verb == "cut") && verb_options.names.empty() != verb_options.all)
+  if ((verb == "stop" || verb == "cut" || verb == "clear_stop") && verb_options.names.empty() != verb_options.all)
     return "either names, or --all";
   for (const std::string& name : verb_options.names) {
     if (!ground::mission::is_name(name)) return fmt::format("\"{}\" cannot be a drone's name", name);
@@ -159,6 +169,7 @@ const std::string notes = R"(Examples:
   ledgerline drones takeoff tello1 tello2
   ledgerline drones path tello1 way.csv --land
   ledgerline drones stop --all
+  ledgerline drones clear_stop --all
 
 takeoff, land, pause ...: done is that the station has taken it; what comes of it the table and `ledgerline alarms` show.
 With --wait, takeoff is done when the drones fly, and land, stop and cut when they are on the ground.
@@ -173,9 +184,10 @@ struct Verbs {
                                                                     {"land", "Land"},
                                                                     {"pause", "Hover, and keep the rest of the path"},
                                                                     {"resume", "Fly the rest of the path"},
-                                                                    {"return", "Fly to where it took off"},
-                                                                    {"clear_stop", "Clear the stop"}})
+                                                                    {"return", "Fly to where it took off"}})
       with_names(line, verb_options, name, help).required();
+    with_names(line, verb_options, "clear_stop", "Clear the stop, so that it may take off again");
+    all.back().flag("--all", verb_options.all, "every drone that is stopped");
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"acquire", "Take the lease: take control"}, {"request", "Ask its holder for the lease"}}) {
       with_names(line, verb_options, name, help).required();

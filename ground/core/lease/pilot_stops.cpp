@@ -20,7 +20,7 @@ constexpr TimeNs stop_within_ns = 30 * ns_per_s;
 PilotStops::PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self)
     : drones_(drones), self_(self) {}
 
-void PilotStops::request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by) {
+PilotStops::Slot& PilotStops::slot_of(std::size_t drone, const std::optional<crypto::IdentityName>& by) {
   auto found = std::ranges::find_if(slots_, [&](const Slot& s) { return s.drone == drone && s.by == by; });
   if (found == slots_.end()) {
     // Pilots that stop at one time do not come back together.
@@ -28,8 +28,13 @@ void PilotStops::request(TimeNs now, std::size_t drone, bool cut, const std::opt
     const std::uint64_t seed = std::hash<std::string>{}(who.msp_id + who.subject) + drone;
     found = slots_.insert(found, {.drone = drone, .by = by, .seed = seed});
   }
-  Slot& slot = *found;
-  if (slot.stop && (!cut || slot.stop->cut())) return;
+  return *found;
+}
+
+void PilotStops::request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by) {
+  Slot& slot = slot_of(drone, by);
+  if (slot.stop && !slot.clears && (!cut || slot.stop->cut())) return;
+  slot.clears = false;
   slot.stop.emplace();
   slot.stop->add_drones(drones_[drone].name);
   slot.stop->set_cut(cut);
@@ -39,15 +44,32 @@ void PilotStops::request(TimeNs now, std::size_t drone, bool cut, const std::opt
   slot.next_ns = now;
 }
 
+Status PilotStops::request_clear(TimeNs now, std::size_t drone) {
+  Slot& slot = slot_of(drone, std::nullopt);
+  if (slot.stop && slot.clears) return done;
+  if (slot.stop) return Error{"a stop of it is on its way to the ledger"};
+  slot.clears = true;
+  slot.stop.emplace();
+  slot.stop->add_drones(drones_[drone].name);
+  slot.repeat.emplace(fabric::RepeatLimits{.within_ns = stop_within_ns}, slot.seed, now);
+  slot.id = 0;
+  slot.next_ns = now;
+  return done;
+}
+
 void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id,
                         std::vector<Submission>& submissions) {
   for (Slot& slot : slots_) {
     if (!slot.stop || slot.id != 0 || now < slot.next_ns) continue;
     slot.stop->clear_clears();
     const std::optional<Control>& record = leases.of(slot.drone).record;
-    if (slot.counted && record) slot.stop->add_clears(clears_of(*record, to_message(slot.by ? *slot.by : self_)));
+    if (slot.counted && record && !slot.clears)
+      slot.stop->add_clears(clears_of(*record, to_message(slot.by ? *slot.by : self_)));
     slot.id = next_id++;
-    submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true, slot.by});
+    submissions.push_back({slot.id,
+                           {slot.clears ? contract::clear_stop : contract::stop, {slot.stop->SerializeAsString()}},
+                           true,
+                           slot.by});
   }
 }
 
@@ -66,10 +88,11 @@ std::optional<PilotStops::Ended> PilotStops::on_outcome(TimeNs now, const fabric
     return ended;
   }
   slot->stop.reset();
-  if (next == Next::refused) ended.problem = fmt::format("no stop: {}", outcome.refusal->words);
+  const char* const what = slot->clears ? "its stop is not cleared" : "no stop";
+  if (next == Next::refused) ended.problem = fmt::format("{}: {}", what, outcome.refusal->words);
   if (next == Next::given_up)
     ended.problem =
-        fmt::format("no stop: not on the ledger within {:.0f} s: {}", to_seconds(stop_within_ns), outcome.message);
+        fmt::format("{}: not on the ledger within {:.0f} s: {}", what, to_seconds(stop_within_ns), outcome.message);
   return ended;
 }
 
@@ -78,7 +101,8 @@ bool PilotStops::pending() const {
 }
 
 bool PilotStops::pending(std::size_t drone) const {
-  return std::ranges::any_of(slots_, [&](const Slot& slot) { return slot.drone == drone && slot.stop.has_value(); });
+  return std::ranges::any_of(
+      slots_, [&](const Slot& slot) { return slot.drone == drone && slot.stop.has_value() && !slot.clears; });
 }
 
 }  // namespace ledgerline::ground

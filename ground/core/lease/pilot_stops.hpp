@@ -10,16 +10,18 @@
 
 namespace ledgerline::ground {
 
-/// A pilot's stops on their way: each goes out by itself, at once, and again until the ledger has it, the contract
-/// refuses it, or 30 s are over. It says how often our stops of that drone were cleared, so that none stops what was
-/// cleared since; where the contract refuses that one, as another count may have come meanwhile, it goes out once more
-/// without. One of a drone and stopper at a time; a cut replaces a stop. Deterministic; one thread.
+/// A pilot's stops on their way, and what clears ours: each goes out by itself, at once, and again until the ledger has
+/// it, the contract refuses it, or 30 s are over. It says how often our stops of that drone were cleared, so that none
+/// stops what was cleared since; where the contract refuses that one, as another count may have come meanwhile, it goes
+/// out once more without. One of a drone and stopper at a time; a cut replaces a stop. Deterministic; one thread.
 class PilotStops {
  public:
   PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self);
 
   /// `by`: the operator whose stop it is; none: ours.
   void request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by = std::nullopt);
+  /// To clear our own stop of a drone. An error: a stop of it is still on its way.
+  Status request_clear(TimeNs now, std::size_t drone);
   void submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id, std::vector<Submission>& submissions);
 
   struct Ended {
@@ -30,7 +32,7 @@ class PilotStops {
   std::optional<Ended> on_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
   /// One is not on the ledger yet.
   bool pending() const;
-  /// Of this drone.
+  /// A stop of this drone.
   bool pending(std::size_t drone) const;
 
  private:
@@ -39,11 +41,14 @@ class PilotStops {
     std::optional<crypto::IdentityName> by{};
     std::uint64_t seed = 0;                  ///< of the pauses' jitter
     std::optional<DronesCall> stop{};        ///< to be submitted, or in flight
+    bool clears = false;                     ///< it is no stop, but clears it
     bool counted = true;                     ///< it says how often our stops were cleared
     std::optional<fabric::Repeat> repeat{};  ///< of that one
     std::uint64_t id = 0;                    ///< 0: not in flight
     TimeNs next_ns = 0;
   };
+  Slot& slot_of(std::size_t drone, const std::optional<crypto::IdentityName>& by);
+
   const std::vector<FlightDrone>& drones_;
   const crypto::IdentityName self_;
   std::vector<Slot> slots_;  ///< one for each that has stopped a drone from here

@@ -1,6 +1,6 @@
 // The part of a drone's card that says who holds it, and asks for what changes that.
 import { confirmed } from './session.js';
-import { CONTROLS, identityOf, isOurs, leaseWords, nameOf, SIGN_IN, whyNotControl } from './rules.js';
+import { CONTROLS, identityOf, isOurs, isShown, leaseWords, maySign, nameOf, SIGN_IN, whyNotControl } from './rules.js';
 
 const ANSWERS = { hand_over: 'Hand over', deny: 'Deny' };
 
@@ -54,13 +54,12 @@ export class Control {
     if (this.#lease.textContent !== words) this.#lease.textContent = words;
     this.#lease.title = drone.lease?.holder ?? '';
     this.#lease.classList.toggle('warn', !isOurs(drone, this.#who));
-    const shown = this.#who.operators.length > 0;
-    this.#actions.hidden = !shown;
-    if (!shown) return;
+    this.#actions.hidden = !Object.keys(CONTROLS).some((what) => isShown(what, drone, this.#who));
+    if (this.#actions.hidden && this.#requests.hidden && !(drone.requests ?? []).length) return;
     const focused = document.activeElement;
     const held = this.#actions.contains(focused) || this.#requests.contains(focused);
     for (const [what, each] of Object.entries(this.#buttons)) {
-      each.hidden = !CONTROLS[what][1](drone, this.#who);
+      each.hidden = !isShown(what, drone, this.#who);
       each.setAttribute('aria-disabled', whyNotControl(what, drone, this.#who, fresh && flying) !== null);
     }
     this.#showRequests(drone);
@@ -113,7 +112,7 @@ export class Control {
   }
 
   async #send(what, label, body) {
-    if (!this.#who.identity) return this.#reply(SIGN_IN);
+    if (!maySign(this.#who)) return this.#reply(SIGN_IN);
     this.#reply(`${label}: sent`);
     const answer = await this.#connection.request('POST', `drones/${encodeURIComponent(this.#name)}/${what}`, body);
     // The ledger's word comes as an event, often before this answer.

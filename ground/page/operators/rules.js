@@ -19,7 +19,7 @@ export const SIGN_IN = 'Sign in first: who clicks is who signs.';
 const hasOperators = (who) => who.operators.length > 0;
 const isHeld = (drone) => Boolean(drone.lease?.holder);
 const isMine = (drone, who) => who.identity !== null && drone.lease?.holder === who.identity;
-const isStopped = (drone) => drone.stopped_by?.length > 0;
+export const isStopped = (drone) => drone.stopped_by?.length > 0;
 export const identityOf = ({ msp, subject }) => `${msp} ${subject}`;
 const hasAsked = (drone, who) => (drone.requests ?? []).some((each) => identityOf(each) === who.identity);
 
@@ -52,4 +52,7 @@ export const CONTROLS = {
   clear_stop: ['Clear stop', isStopped, (drone, _who, flying) => (flying ? `${drone.name} is still landing.` : null)],
 };
 
-export const whyNotControl = (what, drone, who, flying) => (who.identity ? CONTROLS[what][2](drone, who, flying) : SIGN_IN);
+/// Without operators a page's token clears what the station itself has stopped; all else is `ledgerline control`'s.
+export const isShown = (what, drone, who) => (hasOperators(who) ? CONTROLS[what][1](drone, who) : what === 'clear_stop' && isStopped(drone));
+export const maySign = (who) => !hasOperators(who) || who.identity !== null;
+export const whyNotControl = (what, drone, who, flying) => (maySign(who) ? CONTROLS[what][2](drone, who, flying) : SIGN_IN);

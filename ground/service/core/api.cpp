@@ -128,6 +128,14 @@ std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
 ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const ApiContext& known) {
   using Kind = OperatorCall::Kind;
   if (request.method != "POST") return refusal(405, "POST it");
+  if (known.operators.empty() && call.kind == Kind::clear_stop) {
+    const auto body = object_from(request.body, {});
+    if (!body) return refusal(400, body.error().message);
+    if (!has(known.stopped, *call.drone)) return refusal(409, known.names[*call.drone] + " is not stopped");
+    if (!has(known.stopped_by_ground, *call.drone))
+      return refusal(409, known.names[*call.drone] + " is stopped by others: they clear it, by `ledgerline control`");
+    return accepted({PilotCommand{.drone = *call.drone, .clear_stop = true}});
+  }
   if (known.operators.empty())
     return refusal(404, "nobody signs in here: [service] operators is not set; ledgerline control does that");
   if (!request.who) return refusal(403, "sign in first: who clicks is who signs");
@@ -252,6 +260,8 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const A
   if (const auto call = call_of(verb)) return answer_call(request, {.kind = *call, .drone = *drone}, known);
   PilotCommand command{.drone = *drone};
   if (verb == "takeoff") {
+    if (has(known.stopped, *drone))
+      return refusal(409, fmt::format("{} is stopped: clear the stop first", known.names[*drone]));
     command.takeoff = true;
   } else if (verb == "land") {
     command.land = true;
@@ -401,6 +411,7 @@ void merge(const PilotCommand& command, PilotCommand& waiting) {
   waiting.stop = waiting.stop || command.stop;
   waiting.cut = waiting.cut || command.cut;
   waiting.pause = waiting.pause || command.pause;
+  waiting.clear_stop = waiting.clear_stop || command.clear_stop;
   waiting.late += command.late;
   if (command.order) waiting.order = command.order;
   if (command.velocity) set_velocity(*command.velocity, command.came_ns, waiting);

@@ -119,8 +119,9 @@ struct BoardState {
   std::string state{};                 ///< the stream's message around it
   std::optional<std::string> paths{};  ///< {"tello1":[[x,y,z]...]}; nothing: as before
   std::vector<Event> events{};
-  std::vector<std::size_t> aloft{};  ///< indexes of the drones that are off the ground, or not known to be on it
-  std::vector<std::size_t> stopped_by_ground{};  ///< indexes of the drones that ground alone has stopped
+  std::vector<std::size_t> aloft{};    ///< indexes of the drones that are off the ground, or not known to be on it
+  std::vector<std::size_t> stopped{};  ///< indexes of the drones that somebody has stopped
+  std::vector<std::size_t> stopped_by_ground{};  ///< those that ground alone has stopped
 };
 
 /// What there is to know, as Board last reported it.
@@ -130,7 +131,7 @@ struct ApiContext {
   const std::deque<Event>& events;         ///< oldest first
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
   const FaultList* faults = nullptr;       ///< null: none are switched here
-  std::span<const std::size_t> aloft{}, stopped_by_ground{};  ///< as in BoardState
+  std::span<const std::size_t> aloft{}, stopped{}, stopped_by_ground{};  ///< as in BoardState
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const ApiContext& known);

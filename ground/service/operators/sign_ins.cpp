@@ -118,6 +118,14 @@ std::vector<std::size_t> aloft_of(const FlightView& flights) {
   return aloft;
 }
 
+std::vector<std::size_t> stopped_of(const FlightView& flights) {
+  std::vector<std::size_t> stopped;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    if (flights.lease(drone).stoppers.stoppers_size() > 0) stopped.push_back(drone);
+  }
+  return stopped;
+}
+
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
   const Identity ground = to_message(flights.config().self);
   std::vector<std::size_t> stopped;

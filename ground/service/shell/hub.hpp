@@ -96,6 +96,7 @@ class Hub {
             .operators = operators_,
             .faults = behind_.request_fault ? &faults_ : nullptr,
             .aloft = newest_.aloft,
+            .stopped = newest_.stopped,
             .stopped_by_ground = newest_.stopped_by_ground};
   }
   const std::deque<Event>& events() const { return events_; }

@@ -117,6 +117,11 @@ Result<Session> session_from(const std::string& body) {
   return session;
 }
 
+bool nobody_signs_in(const std::string& body) {
+  const json read = json::parse(body, nullptr, false);
+  return read.is_object() && read.contains("operators") && read["operators"].is_array() && read["operators"].empty();
+}
+
 Result<std::string> signed_in_as(const std::string& body) {
   const json read = json::parse(body, nullptr, false);
   if (!read.is_object() || !read.contains("you")) return Error{"the station's answer does not say who is signed in"};

@@ -47,6 +47,8 @@ struct Session {
   std::string token, name, identity;
 };
 Result<Session> session_from(const std::string& body);
+/// Ground's own identity signs all there. Of GET operators.
+bool nobody_signs_in(const std::string& body);
 /// Who this client is signed in as; empty: nobody. Of GET operators.
 Result<std::string> signed_in_as(const std::string& body);
 

@@ -143,6 +143,22 @@ Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& 
   return arrived;
 }
 
+Result<std::vector<std::string>> stopped_drones(std::string_view body) {
+  return read_answer<std::vector<std::string>>(body, "drones", [](const json& answer) {
+    std::vector<std::string> stopped;
+    for (const json& drone : answer.at("drones")) {
+      if (!drone.at("stopped_by").empty()) stopped.push_back(drone.at("name").get<std::string>());
+    }
+    return stopped;
+  });
+}
+
+Result<bool> is_cleared(std::string_view body, const std::string& name) {
+  const auto stopped = stopped_drones(body);
+  if (!stopped) return stopped.error();
+  return std::ranges::find(*stopped, name) == stopped->end();
+}
+
 Result<bool> is_flown(std::string_view body) {
   Status ended = done;
   auto flown = read_answer<bool>(body, "a mission", [&](const json& mission) {

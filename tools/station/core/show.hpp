@@ -26,6 +26,10 @@ bool has_an_end(std::string_view verb);
 /// Whether all of `names` (none: all that are listed) are where `verb` brings them. An error: one failed, and why. Of
 /// GET drones.
 Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& names, std::string_view verb);
+/// Whether nobody has this drone stopped. Of GET drones.
+Result<bool> is_cleared(std::string_view body, const std::string& name);
+/// The names of those whom somebody has stopped. Of GET drones.
+Result<std::vector<std::string>> stopped_drones(std::string_view body);
 /// Whether a mission has been flown to its end. An error: it was ended before, and why. Of GET missions/ID.
 Result<bool> is_flown(std::string_view body);
 

@@ -82,6 +82,11 @@ Status call_and_wait(Station& station, const std::string& drone, const std::stri
   if (!operators) return operators.error();
   const auto name = signed_in_as(*operators);
   if (!name) return name.error();
+  if (verb == "clear_stop" && nobody_signs_in(*operators)) {
+    if (const auto taken = station.request(drone_request(drone, verb, body)); !taken) return taken.error();
+    return wait_until(station, "drones", drone + ": clear_stop", outcome_limit_ns,
+                      [&](std::string_view answer) { return is_cleared(answer, drone); });
+  }
   const auto newest = newest_event(station);
   if (!newest) return newest.error();
   std::uint64_t number = *newest;

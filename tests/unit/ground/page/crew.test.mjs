@@ -46,6 +46,14 @@ test('a card shows what can be signed for its drone now', () => {
   assert.match(rules.whyNotControl('clear_stop', held(bob), of_alice, true), /landing/);
 });
 
+test('without operators a page may clear a stop, and nothing else', () => {
+  const stopped = held(ground, true, { stopped_by: [ground] });
+  assert.deepEqual(Object.keys(rules.CONTROLS).filter((what) => rules.isShown(what, stopped, without)), ['clear_stop']);
+  assert.deepEqual(Object.keys(rules.CONTROLS).filter((what) => rules.isShown(what, held(ground), without)), []);
+  assert.equal(rules.whyNotControl('clear_stop', stopped, without, false), null);
+  assert.match(rules.whyNotControl('clear_stop', stopped, without, true), /landing/);
+});
+
 test('what is reported of an operator names that operator and nobody else', () => {
   assert.equal(rules.named(`stopped by ${alice}, ${bob}`, of_alice), 'stopped by alice, bob');
   assert.equal(rules.named(`held by ${alice}, who lets ${ground} command it`, of_alice), `held by alice, who lets ${ground} command it`);

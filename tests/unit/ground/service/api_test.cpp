@@ -15,9 +15,10 @@ class Api : public testing::Test {
   ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "",
                 std::optional<std::size_t> who = {}) {
     return answer({method, target, body, who},
-                  {names, drones, R"({"tello1":[[1,2,3]]})", events, operators, nullptr, aloft, stopped_by_ground});
+                  {names, drones, R"({"tello1":[[1,2,3]]})", events, operators, nullptr, aloft, stopped, stopped_by_ground});
   }
   std::vector<std::size_t> aloft;              ///< on the ground: all
+  std::vector<std::size_t> stopped;            ///< none
   std::vector<std::size_t> stopped_by_ground;  ///< none
   std::vector<Operator> operators;             ///< none: ground's own identity signs all
   const std::vector<std::string> names{"tello1", "tello2"};
@@ -150,6 +151,18 @@ TEST_F(Api, ACutInTheAirIsConfirmed) {
   EXPECT_EQ(ask("POST", "/api/v1/stop", R"({"cut":true})").status, 409U);
   EXPECT_THAT(ask("POST", "/api/v1/stop", R"({"cut":true,"confirmed":true})").commands, SizeIs(2));
   EXPECT_THAT(ask("POST", "/api/v1/stop").commands, SizeIs(2)) << "a stop is never asked twice for";
+}
+
+TEST_F(Api, AStoppedDroneTakesOffOnlyOnceItsStopIsCleared) {
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop").status, 409U) << "it is not stopped";
+  stopped = {0};
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/takeoff").status, 409U);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello2/takeoff").status, 202U);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop").status, 409U) << "by others";
+  stopped_by_ground = {0};
+  const ApiAnswer cleared = ask("POST", "/api/v1/drones/tello1/clear_stop");
+  EXPECT_EQ(cleared.status, 202U);
+  EXPECT_TRUE(cleared.commands.at(0).clear_stop);
 }
 
 TEST_F(SignedIn, WithoutASessionNoMotorsAreCut) {

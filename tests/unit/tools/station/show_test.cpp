@@ -62,6 +62,16 @@ TEST(Waiting, EndsWhenAllThatWereNamedAreWhereTheVerbBringsThem) {
   EXPECT_FALSE(all_arrived("[]", {}, "land").ok());
 }
 
+TEST(AStop, IsClearedWhenNobodyHasTheDroneStopped) {
+  json stopped = drone("tello2", "landed");
+  stopped["stopped_by"] = {"Org1MSP CN=eve"};
+  const std::string both = drones({drone("tello1", "manual"), stopped});
+  EXPECT_THAT(*stopped_drones(both), ElementsAre("tello2"));
+  EXPECT_TRUE(*is_cleared(both, "tello1"));
+  EXPECT_FALSE(*is_cleared(both, "tello2"));
+  EXPECT_FALSE(is_cleared("{}", "tello2").ok());
+}
+
 TEST(Waiting, EndsWhenTheMissionIsFlownAndFailsWhenItIsEndedBefore) {
   EXPECT_FALSE(*is_flown(mission_json("flying").dump()));
   EXPECT_TRUE(*is_flown(mission_json("done").dump()));

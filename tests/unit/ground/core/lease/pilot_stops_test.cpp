@@ -62,6 +62,28 @@ TEST_F(PilotStopsTest, AStopGoesAgainUntilTheLedgerHasItAndACutReplacesIt) {
   EXPECT_FALSE(stops.pending());
 }
 
+TEST_F(PilotStopsTest, OursIsClearedByACallOfItsOwnAndAStopThatComesMeanwhileWins) {
+  ASSERT_TRUE(stops.request_clear(0, 0));
+  EXPECT_FALSE(stops.pending(0)) << "no stop is on its way";
+  submit(0);
+  ASSERT_EQ(sent.size(), 1u);
+  EXPECT_EQ(sent[0].call.function, "clear_stop");
+  EXPECT_EQ(newest().drones(0), "tello1");
+  EXPECT_EQ(newest().clears_size(), 0);
+  stops.request(1, 0, false);
+  submit(1);
+  ASSERT_EQ(sent.size(), 2u);
+  EXPECT_EQ(sent[1].call.function, "stop");
+  EXPECT_TRUE(stops.pending(0));
+  EXPECT_FALSE(stops.request_clear(2, 0)) << "the stop goes first";
+  EXPECT_TRUE(stops.on_outcome(3, fabric::Outcome::failed(Kind::committed, ""), sent[1].id));
+  ASSERT_TRUE(stops.request_clear(4, 0));
+  submit(4);
+  const auto refused =
+      stops.on_outcome(5, fabric::Outcome::failed(Kind::refused, "chaincode response 500, not yours"), sent[2].id);
+  EXPECT_EQ(refused->problem, "its stop is not cleared: not yours");
+}
+
 TEST_F(PilotStopsTest, ItSaysForHowManyClearsItIsAndOnceMoreWithoutWhereThatIsRefused) {
   Control record = control_record("tello1", operator_name);
   set_clears(record, stop_of("tello1", operator_name).stopper(), 4);
