@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <numeric>
+#include <set>
 #include <sstream>
 #include <utility>
 
@@ -18,6 +19,32 @@ namespace {
 
 constexpr const char* help_all = "--help-all";
 constexpr const char* more_options = "More options";
+
+/// CLI11's own lists other options in the order of their addresses, which differs from run to run.
+class OrderedHelp : public CLI::Formatter {
+  std::string make_option_opts(const CLI::Option* option) const override {
+    std::string text;
+    if (option->get_type_size() != 0) {
+      if (!option->get_type_name().empty()) text += " " + option->get_type_name();
+      if (!option->get_default_str().empty()) text += "=" + option->get_default_str();
+      if (option->get_expected_max() == CLI::detail::expected_max_vector_size)
+        text += " ...";
+      else if (option->get_expected_min() > 1)
+        text += " x " + std::to_string(option->get_expected());
+      if (option->get_required()) text += " REQUIRED";
+    }
+    return text + list(" Needs:", option->get_needs()) + list(" Excludes:", option->get_excludes());
+  }
+  static std::string list(const std::string& what, const std::set<CLI::Option*>& others) {
+    std::set<std::string> names;
+    for (const CLI::Option* other : others) {
+      if (!other->get_group().empty()) names.insert(other->get_name());  // else it is hidden
+    }
+    std::string text = names.empty() ? "" : what;
+    for (const std::string& name : names) text += " " + name;
+    return text;
+  }
+};
 
 std::vector<CLI::App*> verbs_of(CLI::App& app) { return app.get_subcommands({}); }
 
@@ -131,6 +158,7 @@ std::string Verb::name() const { return app_->get_name(); }
 CommandLine::CommandLine(const std::string& name, const std::string& about, const std::string& notes)
     : Arguments(nullptr), name_(name), owned_(std::make_unique<CLI::App>(about, name)) {
   app_ = owned_.get();
+  app_->formatter(std::make_shared<OrderedHelp>());  // verbs take it over
   app_->footer(notes);
   app_->set_version_flag("--version", version_line(name), "Print the version and end");
 }
@@ -190,15 +218,15 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
     return std::ranges::any_of(app_->get_options(), [](const auto* one) { return one->get_group() == more_options; });
   };
   std::vector<std::string> words(arguments.rbegin(), arguments.rend());  // CLI11 takes the last one first
-  if (has_more()) {
-    if (std::ranges::find(words, help_all) != words.end()) {
-      words = {"--help"};
-    } else {
-      for (CLI::Option* one : app_->get_options()) {
-        if (one->get_group() == more_options) one->group("");
-      }
-      app_->footer("More options: " + name_ + " " + help_all + "\n\n" + app_->get_footer());
+  const auto asks = [&](const char* option) { return std::ranges::find(words, option) != words.end(); };
+  if (has_more() && asks(help_all)) {
+    words = {"--help"};
+  } else if (has_more() && (asks("--help") || asks("-h"))) {
+    // Not before: errors would do without the names of what is hidden.
+    for (CLI::Option* one : app_->get_options()) {
+      if (one->get_group() == more_options) one->group("");
     }
+    app_->footer("More options: " + name_ + " " + help_all + "\n\n" + app_->get_footer());
   }
   try {
     app_->parse(words);

@@ -220,8 +220,9 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
   const bool stop = command.stop || command.cut;
   if (stop) stops_.request(now_ns, command.drone, command.cut, command.by);
   if (command.clear_stop && !stop) {
-    const Status asked = drone.phases.in_air() ? Status(Error{"it is still landing: its stop is not cleared"})
-                                               : stops_.request_clear(now_ns, command.drone);
+    const Status asked = is_on_ground(command.drone)
+                             ? stops_.request_clear(now_ns, command.drone)
+                             : Error{"its stop is not cleared: it is not known to be on the ground"};
     if (!asked) refuse(now_ns, command.drone, asked.error().message, out);
   }
   if (stop || command.land) {
@@ -267,6 +268,12 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
     ++(drone.planner.manual().set_velocity(command.came_ns, *command.velocity) ? counters.velocities
                                                                                : counters.bad_values);
   }
+}
+
+bool FlightCore::is_on_ground(std::size_t index) const {
+  const DronePhase phase = drones_[index]->status.phase;
+  const IntakeState& seen = intake_.of(index);
+  return !is_in_air(phase) && phase != DronePhase::landing && seen.has_state && on_ground(seen.state.phase);
 }
 
 Status FlightCore::check_holder(const PilotCommand& command) const {

@@ -75,7 +75,7 @@ let keysOn = true;
 let linkWords = 'Not connected';
 let delayMs = null;
 let blockAt = 0; // when the newest block came, or the connection
-const SILENT_LEDGER_MS = 3000; // drones' states alone make many blocks a second
+const SILENT_LEDGER_MS = 3000; // drones' states alone make many blocks a second; of the channel of [ledger]
 let stationMs = () => 0; // the station's clock
 
 const inManual = () => connection.hello.manual && fleet.drone?.phase === 'manual';
@@ -192,8 +192,9 @@ function showLink(now) {
   const silent = fleet.silent(now);
   const quiet = connection.up && fleet.drones.length > 0 && silent > STALE_MS;
   const ledgerSilent = connection.up && !quiet && now - blockAt > SILENT_LEDGER_MS;
-  at('link').dataset.level = !connection.up ? 'stale' : quiet || ledgerSilent ? 'late' : 'fresh';
-  put(at('link-words'), quiet ? 'Connected, but nothing comes' : ledgerSilent ? `Connected, but the ledger is silent: no block for ${Math.floor((now - blockAt) / 1000)} s` : linkWords);
+  const aloft = fleet.drones.some((drone) => FLYING.includes(drone.phase)); // on the ground there may be nothing to say
+  at('link').dataset.level = !connection.up ? 'stale' : quiet || (ledgerSilent && aloft) ? 'late' : 'fresh';
+  put(at('link-words'), quiet ? 'Connected, but nothing comes' : ledgerSilent ? `Connected; the ledger has sent no block for ${Math.floor((now - blockAt) / 1000)} s` : linkWords);
   put(at('link-age'), connection.up && !quiet && delayMs !== null ? `${Math.round(delayMs)} ms` : fleet.drones.length ? `data ${(silent / 1000).toFixed(1)} s old` : '');
 }
 

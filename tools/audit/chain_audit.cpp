@@ -77,8 +77,8 @@ Result<TimeNs> time_from(const std::string& text) {
   return std::int64_t{::timegm(&utc)} * ns_per_s;
 }
 
-Result<ChainAudit> ChainAudit::start(Trust trust, TimeSpan told) {
-  ChainAudit audit(std::move(trust), told);
+Result<ChainAudit> ChainAudit::start(Trust trust, TimeSpan span) {
+  ChainAudit audit(std::move(trust), span);
   audit.rules_.channel = audit.trust_.channel;
   if (audit.trust_.anchor.empty()) return audit;
   auto validator = fabric::BlockValidator::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);

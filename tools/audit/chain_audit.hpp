@@ -53,8 +53,8 @@ struct Counts {
 class ChainAudit {
  public:
   /// An error: the anchor is no configuration of that channel.
-  /// `told`: what the report is about.
-  static Result<ChainAudit> start(Trust trust, TimeSpan told = {});
+  /// `span`: what the report is about.
+  static Result<ChainAudit> start(Trust trust, TimeSpan span = {});
 
   /// The next block of the chain, a common.Block.
   void add(std::string_view block);
@@ -72,7 +72,7 @@ class ChainAudit {
   std::string newest_hash() const { return crypto::hex(hash_.value_or("")); }
 
  private:
-  ChainAudit(Trust trust, TimeSpan told) : trust_(std::move(trust)), report_(std::make_unique<ChainReport>(told)) {}
+  ChainAudit(Trust trust, TimeSpan span) : trust_(std::move(trust)), report_(std::make_unique<ChainReport>(span)) {}
   void find(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what);
   bool follow_chain(const common::Block& block);
   void validate_orderers(const common::Block& block);
@@ -103,8 +103,9 @@ class ChainAudit {
 struct AuditRequest {
   std::string channel, source;
   std::string anchor;              ///< file; empty: the first block was taken as it is
-  std::set<std::string> drones{};  ///< that are told of; none: all
-  bool tells_of(const std::string& drone) const { return drones.empty() || drones.contains(drone); }
+  std::set<std::string> drones{};  ///< that are reported; none: all
+  TimeSpan span{};                 ///< that is reported
+  bool reports(const std::string& drone) const { return drones.empty() || drones.contains(drone); }
 };
 
 /// Of "2026-11-29T01:02:03Z" or s since 1970, real time.

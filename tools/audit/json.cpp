@@ -123,10 +123,16 @@ json to_json(const ChainAudit& audit, const AuditRequest& asked) {
                         {"first", to_json(r.first)}});
   }
   for (const auto& [name, drone] : report.drones()) {
-    if (asked.tells_of(name)) drones[name] = to_json(drone);
+    if (asked.reports(name)) drones[name] = to_json(drone);
   }
   return {{"ok", c.findings == 0},
-          {"asked", {{"channel", asked.channel}, {"source", asked.source}, {"anchor", asked.anchor}}},
+          {"asked",
+           {{"channel", asked.channel},
+            {"source", asked.source},
+            {"anchor", asked.anchor},
+            {"drones", asked.drones},
+            {"from_s", asked.span.is_from_the_start() ? json() : json(to_seconds(asked.span.from_ns))},
+            {"to_s", asked.span.is_to_the_end() ? json() : json(to_seconds(asked.span.to_ns))}}},
           {"first_difference", audit.findings().empty() ? json() : json(to_text(audit.findings().front()))},
           {"findings", findings},
           {"findings_count", c.findings},

@@ -35,7 +35,7 @@ int fail_unreadable(const std::string& what) {
 /// What goes where: set by what was asked for, before anything is read.
 struct Plan {
   Trust trust;
-  TimeSpan told;
+  TimeSpan span;
   AuditRequest asked;
   std::optional<fabric::ClientConfig> peer;
 };
@@ -64,8 +64,10 @@ Result<Plan> make_plan(const Options& options) {
   }
   plan.asked.channel = plan.trust.channel;
   plan.asked.drones.insert(options.drones.begin(), options.drones.end());
-  if (!options.from.empty()) plan.told.from_ns = *time_from(options.from);
-  if (!options.to.empty()) plan.told.to_ns = *time_from(options.to);
+  if (!options.from.empty()) plan.span.from_ns = *time_from(options.from);
+  if (!options.to.empty()) plan.span.to_ns = *time_from(options.to);
+  if (plan.span.from_ns > plan.span.to_ns) return Error{"--from is behind --to"};
+  plan.asked.span = plan.span;
   if (plan.trust.anchor.empty() && !options.trust_first_block)
     return Error{
         "name a config block of the channel that you trust (--anchor FILE, or config_block in --config FILE); "
@@ -79,7 +81,7 @@ int run(const Options& options) {
   google::protobuf::SetLogHandler(nullptr);  // a line for each string that is no UTF-8: findings say what is wrong
   auto plan = make_plan(options);
   if (!plan) return fail_unreadable(plan.error().message);
-  auto audit = ChainAudit::start(plan->trust, plan->told);
+  auto audit = ChainAudit::start(plan->trust, plan->span);
   if (!audit) return fail_unreadable("the trust anchor: " + audit.error().message);
   Status saved = done;
   const OnBlock on_block = [&](std::string_view block) {
@@ -92,6 +94,9 @@ int run(const Options& options) {
   if (!reading) return fail_unreadable(reading.error().message);
   if (!reading->problem.empty()) audit->find_at_end(reading->problem);
   audit->end();
+  for (const std::string& drone : plan->asked.drones) {
+    if (!audit->report().drones().contains(drone)) return fail_unreadable("--drone: the chain knows no " + drone);
+  }
 
   if (options.json != "-") std::cout << to_table(*audit, plan->asked) << std::flush;
   const nlohmann::json document = to_json(*audit, plan->asked);

@@ -25,7 +25,7 @@ void add_pose(const Asset& asset, DroneReport& report) {
   if (!odometry) return;
   const auto& position = odometry->position_m;
   const bool finite = std::all_of(position.begin(), position.end(), [](double m) { return std::isfinite(m); });
-  if (!finite || !report.is_telling) return;
+  if (!finite || !report.is_in_span) return;
   for (std::size_t axis = 0; axis < position.size(); ++axis) {
     const bool first = report.path.count() == 0;
     report.lowest_m[axis] = first ? position[axis] : std::min(report.lowest_m[axis], position[axis]);
@@ -39,12 +39,12 @@ void add_link(const Asset& asset, DroneReport& report) {
   const auto state = state_from_cdr(asset.msg_data(), "");
   if (!state) return;
   const StateSample* sample = &state->sample;
-  if (report.is_telling) ++report.states;
+  if (report.is_in_span) ++report.states;
   if (sample->boot_id != report.asked_boot || sample->arrived_sequence <= report.last_arrived) return;
   const auto asked = report.asked.find(sample->arrived_sequence);
   if (asked == report.asked.end()) return;
   report.last_arrived = sample->arrived_sequence;
-  if (sample->arrived_ns > asked->second && report.is_telling) report.two_way.add(sample->arrived_ns - asked->second);
+  if (sample->arrived_ns > asked->second && report.is_in_span) report.two_way.add(sample->arrived_ns - asked->second);
   report.asked.erase(report.asked.begin(), std::next(asked));
 }
 
@@ -59,7 +59,7 @@ void add_transitions(const Asset& asset, const Moment& when, DroneReport& report
     if (transition.number <= report.last_transition) continue;  // said again
     const std::uint64_t missing = transition.number - report.last_transition - 1;
     report.last_transition = transition.number;
-    if (!report.is_telling) continue;
+    if (!report.is_in_span) continue;
     report.transitions_missing += missing;
     report.transitions.add({transition, when});
   }
@@ -75,7 +75,7 @@ void add_alarms(const Asset& asset, const Moment& when, DroneReport& report) {
     const DroneReport::Alarmed now{alarm.stands, alarm.count};
     if (now == before || (!alarm.stands && !before.stands)) continue;
     before = now;
-    if (!report.is_telling) continue;
+    if (!report.is_in_span) continue;
     const std::string what = alarm.stands ? fmt::format("alarm, {}, {} so far: {}", printable(alarm.kind), alarm.count,
                                                         printable(alarm.words))
                                           : fmt::format("alarm, {}: over", printable(alarm.kind));
@@ -127,21 +127,21 @@ std::string text_of(const crypto::IdentityName& name) {
 
 DroneReport* ChainReport::drone(const std::string& name) {
   DroneReport* report = bounded_entry(drones_, printable(name, max_name), max_drones);
-  if (report != nullptr) report->is_telling = is_telling_;
+  if (report != nullptr) report->is_in_span = is_in_span_;
   return report;
 }
 
 Status ChainReport::add(const ValidationResult& result, const fabric::Transaction& tx, const access::Caller& creator) {
   const std::string who = text_of(creator.name);
   const bool valid = result.code == protos::VALID;
-  is_telling_ = told_.contains(tx.timestamp_ns);
-  if (valid && is_telling_ && tx.timestamp_ns > 0) {
+  is_in_span_ = span_.contains(tx.timestamp_ns);
+  if (valid && is_in_span_ && tx.timestamp_ns > 0) {
     first_ns_ = first_ns_ == 0 ? tx.timestamp_ns : std::min(first_ns_, tx.timestamp_ns);
     last_ns_ = std::max(last_ns_, tx.timestamp_ns);
   }
   const bool ours = tx.contract == contract_;
-  if (!valid && is_telling_) add_refusal(result, tx, who);
-  if (valid && is_telling_) {
+  if (!valid && is_in_span_) add_refusal(result, tx, who);
+  if (valid && is_in_span_) {
     const std::string name =
         printable(ours ? std::string(contract::current_name(tx.function)) : tx.contract + ":", max_name);
     if (auto* count = bounded_entry(functions_, name, max_functions)) ++*count;
@@ -151,7 +151,7 @@ Status ChainReport::add(const ValidationResult& result, const fabric::Transactio
   if (!valid) return done;
   const Moment when = moment_of(result, tx);
   if (tx.function == contract::set) add_set(tx, when);
-  if (tx.function == contract::anchor && is_telling_) add_anchor(tx, who, when);
+  if (tx.function == contract::anchor && is_in_span_) add_anchor(tx, who, when);
   if (verification::is_control_event(tx.event_name)) return add_control(tx, creator, when);
   return done;
 }
@@ -183,8 +183,8 @@ void ChainReport::add_command(const ValidationResult& result, const fabric::Tran
     DroneReport* report = drone(plan.drone());
     if (report == nullptr) continue;
     const std::string who = commander_text(creator.name, plan, report->record);
-    if (is_telling_) report->commands_over_time.add(tx.timestamp_ns, valid);
-    if (Commands* commands = is_telling_ ? bounded_entry(report->commands, who, max_people) : nullptr) {
+    if (is_in_span_) report->commands_over_time.add(tx.timestamp_ns, valid);
+    if (Commands* commands = is_in_span_ ? bounded_entry(report->commands, who, max_people) : nullptr) {
       if (commands->first.tx_id.empty()) commands->first = when;
       commands->last = when;
       if (valid) {
@@ -194,7 +194,7 @@ void ChainReport::add_command(const ValidationResult& result, const fabric::Tran
       }
     }
     if (!valid) continue;
-    if (plan.action() != FLY && is_telling_) {
+    if (plan.action() != FLY && is_in_span_) {
       const Event* last = report->events.last();  // it is said again until it is done
       const std::string what = action_text(plan.action());
       if (last == nullptr || last->what != what || last->who != who) report->events.add({what, who, when});
@@ -219,7 +219,7 @@ void ChainReport::add_set(const fabric::Transaction& tx, const Moment& when) {
     if (slash == std::string::npos) continue;
     const auto found = drones_.find(asset.id().substr(0, slash));
     if (found == drones_.end()) continue;  // of no drone that was ever enrolled
-    found->second.is_telling = is_telling_;
+    found->second.is_in_span = is_in_span_;
     add_asset(asset, when, found->second);
   }
 }
@@ -242,9 +242,9 @@ void ChainReport::add_record(const Control& after, const std::string& by, const 
     last->ended_by = by;
   }
   const bool same = held && !last->to;
-  if (held && !same && when.time_ns < told_.from_ns) report->holders.drop_last();
+  if (held && !same && when.time_ns < span_.from_ns) report->holders.drop_last();
   const std::string delegate = after.has_delegate() ? text_of(to_name(after.delegate())) : "";
-  if (after.has_holder() && !same && when.time_ns <= told_.to_ns)
+  if (after.has_holder() && !same && when.time_ns <= span_.to_ns)
     report->holders.add({holder, after.epoch(), after.priority(), when, std::nullopt, "", delegate});
   report->record = after;
 }
@@ -269,7 +269,7 @@ Status ChainReport::add_control(const fabric::Transaction& tx, const access::Cal
     if (report->record &&
         !follows(after.drone(), verification::control_follows(*event, *report->record, after, creator)))
       continue;
-    if (tx.function != contract::acquire && tx.function != contract::release && is_telling_)
+    if (tx.function != contract::acquire && tx.function != contract::release && is_in_span_)
       report->events.add({event->call.function, who, when});
     add_record(after, by, when);
   }
@@ -278,12 +278,12 @@ Status ChainReport::add_control(const fabric::Transaction& tx, const access::Cal
     if (report == nullptr) continue;
     if (report->record && !follows(stop.drone(), verification::stop_follows(*event, *report->record, stop, creator)))
       continue;
-    if (is_telling_) report->events.add({stop.cut() ? "cut" : "stop", who, when});
+    if (is_in_span_) report->events.add({stop.cut() ? "cut" : "stop", who, when});
     if (report->record) add_stop(*report->record, stop);
   }
   if (role && role_good) {
     const std::string of = text_of(to_name(role->identity));
-    if (is_telling_) roles_.add({fmt::format("{} {}", Role_Name(role->role), of), who, when});
+    if (is_in_span_) roles_.add({fmt::format("{} {}", Role_Name(role->role), of), who, when});
     for (auto& [name, report] : drones_) {
       if (report.record && names_identity(*report.record, role->identity))
         apply_role(*report.record, role->identity, role->role);

@@ -139,9 +139,11 @@ struct PathPoint {
   std::array<double, 3> position_m{};
 };
 
-/// What of a chain is told, by the times that transactions' creators claim; all of it is checked.
+/// What of a chain is reported, by the times that transactions' creators claim; all of it is checked.
 struct TimeSpan {
   TimeNs from_ns = std::numeric_limits<TimeNs>::min(), to_ns = std::numeric_limits<TimeNs>::max();
+  bool is_from_the_start() const { return from_ns == TimeSpan{}.from_ns; }
+  bool is_to_the_end() const { return to_ns == TimeSpan{}.to_ns; }
   bool contains(TimeNs at_ns) const { return at_ns >= from_ns && at_ns <= to_ns; }
 };
 
@@ -160,7 +162,7 @@ struct DroneReport {
   Histogram two_way;
 
   // To follow the chain with.
-  bool is_telling = true;  ///< the transaction that is read is in the span that is told
+  bool is_in_span = true;  ///< the transaction that is read is in the span that is reported
   struct Alarmed {
     bool stands = false;
     std::uint64_t count = 0;
@@ -183,8 +185,8 @@ struct Refusals {
 /// long a command took, where they flew. Everything is bounded or counted. Pure; one thread.
 class ChainReport {
  public:
-  explicit ChainReport(TimeSpan told = {}, std::string contract = "ledgerline")
-      : told_(told), contract_(std::move(contract)) {}
+  explicit ChainReport(TimeSpan span = {}, std::string contract = "ledgerline")
+      : span_(span), contract_(std::move(contract)) {}
 
   /// A transaction in the chain's order; `creator` as its certificate says. An error: what it wrote of a drone does not
   /// follow from what its creator signed and from the record before, though its endorsers let it pass.
@@ -217,9 +219,9 @@ class ChainReport {
   Status add_control(const fabric::Transaction& tx, const access::Caller& creator, const Moment& when);
   void add_record(const Control& after, const std::string& by, const Moment& when);
 
-  TimeSpan told_;
+  TimeSpan span_;
   std::string contract_;
-  bool is_telling_ = true;
+  bool is_in_span_ = true;
   std::map<std::string, DroneReport> drones_;
   std::map<RefusalKey, Refusals> refusals_;
   std::uint64_t refusals_left_out_ = 0;

@@ -1,4 +1,5 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <ctime>
@@ -115,6 +116,9 @@ std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
   text += asked.anchor.empty() ? "  NO TRUST ANCHOR: the first block was taken as it is, so the author of this chain "
                                  "may have made up all of it\n"
                                : fmt::format("  trust anchor: {}\n", asked.anchor);
+  if (!asked.drones.empty()) text += fmt::format("  reported: {} alone\n", fmt::join(asked.drones, ", "));
+  if (!asked.span.is_from_the_start()) text += fmt::format("  reported from {} on\n", time_text(asked.span.from_ns));
+  if (!asked.span.is_to_the_end()) text += fmt::format("  reported to {}\n", time_text(asked.span.to_ns));
   text += fmt::format("  {} transactions with {} endorsements: {} valid{}\n", c.transactions, c.endorsements, c.valid,
                       codes_text(c.invalid));
   if (report.first_ns() > 0)
@@ -132,7 +136,7 @@ std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
             });
   std::size_t shown = 0, quiet = 0;
   for (const auto& [name, drone] : report.drones()) {
-    if (!asked.tells_of(name)) continue;
+    if (!asked.reports(name)) continue;
     const bool moved = drone.states > 0 || drone.holders.count() > 0 || !drone.commands.empty();
     if (moved && shown < max_drones) {
       text += drone_text(name, drone);

@@ -66,6 +66,8 @@ void find_programs(Options& o) {
 }
 
 Status check(const Options& o) {
+  if (!fs::exists(o.place.programs / "two_way_client"))
+    return Error{"bench needs the source tree: " + (o.place.programs / "two_way_client").string() + " is of its build"};
   const bool baselines = std::any_of(o.clients.begin(), o.clients.end(),
                                      [](const auto& id) { return find_competitor(id)->design != Design::ledgerline; });
   if (baselines && o.place.node.empty()) return Error{"node is not on PATH: the baselines need Node.js 20.9 or newer"};

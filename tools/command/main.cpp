@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,14 +30,15 @@ using ledgerline::command::VerbRow;
 using ledgerline::command::verbs;
 
 std::filesystem::path program_of(const VerbRow& verb) {
-  return ledgerline::build_or_prefix() / "libexec/ledgerline" / verb.program;
+  const std::filesystem::path root = ledgerline::build_or_prefix();
+  return verb.program.empty() ? root / "bin" / ("ledgerline-" + std::string(verb.name))
+                              : root / "libexec/ledgerline" / verb.program;
 }
 
 void help(std::FILE* to) {
   fmt::print(to,
              "Usage: ledgerline VERB [options]\n"
-             "`ledgerline VERB --help` says what a verb does. Services have programs of their own: ledgerline-link, "
-             "-agent, -roudi, -ground,\n-bridge, -node, -endorser, -chaincode, -sim.\n");
+             "`ledgerline VERB --help` says what a verb does.\n");
   std::string_view group;
   for (const VerbRow& verb : verbs) {
     if (std::exchange(group, verb.group) != verb.group) fmt::print(to, "\n{}\n", verb.group);
@@ -66,15 +68,20 @@ std::vector<std::string> first_words() {
 
 /// Becomes the program that has the verb; returns where that fails.
 int run(const VerbRow& verb, const std::vector<std::string>& words) {
-  std::vector<char*> arguments{const_cast<char*>("ledgerline")};
-  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
   const std::string program = program_of(verb);
+  const bool is_service = verb.program.empty();  // which has no verb for its first argument
+  std::vector<char*> arguments{const_cast<char*>(is_service ? program.c_str() : "ledgerline")};
+  for (const std::string& word : std::span(words).subspan(is_service ? 1 : 0))
+    arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
   ::execv(program.c_str(), arguments.data());
-  if (errno == ENOENT)
-    fmt::print(stderr, "ledgerline: {} is not here: it has {}; install its package, or build it\n", program, verb.name);
-  else
+  if (errno == ENOENT) {
+    fmt::print(stderr,
+               "ledgerline: the verb {} is in {}, which is not here: install its package, or build the source tree\n",
+               verb.name, program);
+  } else {
     fmt::print(stderr, "ledgerline: {} cannot be run: {}\n", program, std::strerror(errno));
+  }
   return ledgerline::exit_failed;
 }
 

@@ -2,7 +2,8 @@
 #include <array>
 #include <string_view>
 
-// Verbs of `ledgerline`: a row here, a line below and its name in an ll_verbs() of CMake make a new one.
+// Verbs of `ledgerline`. A new one: its main here, a row in the table, its name and file in an ll_verbs() of
+// tools/CMakeLists.txt.
 namespace ledgerline::command {
 
 /// As main(): `argv[0]` is the verb.
@@ -14,14 +15,14 @@ Main alarms, audit, bench, configuration, contract, control, dds_security, demo,
 struct VerbRow {
   std::string_view group;    ///< its heading in `ledgerline --help`
   std::string_view name;     ///< as it is typed
-  std::string_view program;  ///< in libexec/ledgerline
+  std::string_view program;  ///< in libexec/ledgerline; empty: a service, bin/ledgerline-NAME
   std::string_view about;    ///< a line
 };
 
-inline constexpr std::array<VerbRow, 26> verbs{{
+inline constexpr std::array<VerbRow, 35> verbs{{
     {"Fly", "fly", "ledgerline-fly", "fly simulated drones, or a deployment's own, and report how it went"},
     {"Fly", "demo", "ledgerline-fly", "three drones, a page and two operators, with what to try"},
-    {"Fly", "tello", "ledgerline tello", "find, check, calibrate and set up a real Tello"},
+    {"Fly", "tello", "ledgerline-tello", "find, check, calibrate and set up a real Tello"},
     {"Ground station", "drones", "ledgerline-station", "list, take, fly and stop drones at a running ground"},
     {"Ground station", "missions", "ledgerline-station", "add, approve, start and watch missions"},
     {"Ground station", "flights", "ledgerline-station", "what was flown, by whom"},
@@ -39,12 +40,21 @@ inline constexpr std::array<VerbRow, 26> verbs{{
     {"Hosts", "status", "ledgerline-ledger", "programs, ledgers and drones of this host"},
     {"Hosts", "dds-security", "ledgerline-ledger", "keys and permissions for ROS 2's SROS2"},
     {"Hosts", "configuration", "ledgerline-ledger", "every key of every config"},
-    {"Faults", "fault", "ledgerline fault", "fly scripts of faults in simulated time, and judge them"},
-    {"Faults", "hil", "ledgerline fault", "impair real connections: the proxy, and the shim in place of UDP"},
+    {"Faults", "fault", "ledgerline-fault", "fly scripts of faults in simulated time, and judge them"},
+    {"Faults", "hil", "ledgerline-fault", "impair real connections: the proxy, and the shim in place of UDP"},
     {"Measuring", "timing", "ledgerline-measure", "where the milliseconds of a flight went"},
     {"Measuring", "bench", "ledgerline-measure", "benchmarks against other designs"},
-    {"Measuring", "experiment", "ledgerline experiment", "the published curves, flown again"},
+    {"Measuring", "experiment", "ledgerline-experiment", "the published curves, flown again"},
     {"Measuring", "local", "ledgerline-measure", "the same controller beside the drone, without a ledger"},
+    {"Services", "link", "", "flies the drones of its host: the Tello SDK, limits, failsafe"},
+    {"Services", "agent", "", "brings states to the ledger, and its commands to link"},
+    {"Services", "roudi", "", "the shared memory between those two"},
+    {"Services", "ground", "", "plans and steers, serves the page"},
+    {"Services", "bridge", "", "carries any ROS 2 topic over the ledger"},
+    {"Services", "node", "", "a ledger in one process, without Fabric"},
+    {"Services", "chaincode", "", "the contract, for Fabric's peers"},
+    {"Services", "endorser", "", "an organisation's own endorser beside its peer"},
+    {"Services", "sim", "", "simulated drones, and motion capture"},
 }};
 
 }  // namespace ledgerline::command

@@ -43,7 +43,7 @@ class Programs : public Children {
       const Options& options, const RunFiles& files, std::string folder, const std::atomic<int>& interrupts,
       std::function<void(const std::string& name, const nlohmann::json& message, const std::string& line)> on_line);
 
-  /// `other_program`: without "ledgerline-", where it is not the first part of the name.
+  /// `other_program`: the service or verb, where it is not the first part of the name.
   Status start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program = {});
   /// Before take-off: nobody has ended, and nobody wants it to end.
   Status check() const;

@@ -4,6 +4,7 @@
 #include <csignal>
 #include <fstream>
 
+#include "common/base/check.hpp"
 #include "tools/command/verbs.hpp"
 #include "tools/launcher/launcher.hpp"
 
@@ -44,11 +45,12 @@ void Programs::on_output(const std::string& name, const std::string& line) {
 Status Programs::start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program) {
   // control-enroll and control-acquire are one program.
   const std::string program = other_program.empty() ? name.substr(0, name.find('-')) : other_program;
-  if (std::ranges::find(command::verbs, program, &command::VerbRow::name) == command::verbs.end()) {
+  const auto verb = std::ranges::find(command::verbs, program, &command::VerbRow::name);
+  LEDGERLINE_CHECK(verb != command::verbs.end(), program);
+  if (verb->program.empty())  // a service
     arguments.insert(arguments.begin(), folder_ + "/ledgerline-" + program);
-  } else {
+  else
     arguments.insert(arguments.begin(), {folder_ + "/ledgerline", program});
-  }
   return Children::start({name, std::move(arguments), files_.log(name), death_signal(name, options_.own.has_value())});
 }
 

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <functional>
-#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -66,8 +65,7 @@ Decode message_of(const std::string& function) {
 }
 
 std::string time_of(TimeNs real_ns) {
-  constexpr TimeNs year_9999_end_ns = std::numeric_limits<TimeNs>::max();
-  if (real_ns <= 0 || real_ns == year_9999_end_ns) return "a time that is none";
+  if (real_ns <= 0) return "a time that is none";
   return fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z", fmt::gmtime(static_cast<std::time_t>(real_ns / ns_per_s)),
                      real_ns / ns_per_ms % 1000);
 }

@@ -72,6 +72,8 @@ Status history(const Options& options) {
     if (!answer) return Error{fmt::format("{}: {}", options.id, answer.error().message)};
     Versions page;
     if (const Status parsed = parse_message(*answer, page); !parsed) return parsed;
+    if (!page.bookmark().empty() && (page.bookmark() == asked.bookmark() || page.versions().empty()))
+      return Error{"the ledger's pages do not end"};
     versions.insert(versions.end(), page.versions().begin(), page.versions().end());
     asked.set_bookmark(page.bookmark());
   } while (!asked.bookmark().empty() && versions.size() < static_cast<std::size_t>(options.limit));
@@ -81,10 +83,13 @@ Status history(const Options& options) {
   return done;
 }
 
-/// Of a block; none: the transaction is not in it.
-std::optional<json> found_in(const std::string& block, const std::string& tx_id) {
+/// Of a block; none: the transaction is not in it, or `damage` says why it cannot be read.
+std::optional<json> found_in(const std::string& block, const std::string& tx_id, std::string& damage) {
   const auto decoded = fabric::decode_block(block);
-  if (!decoded) return std::nullopt;
+  if (!decoded) {
+    damage = decoded.error().message;
+    return std::nullopt;
+  }
   const auto found = std::ranges::find(decoded->transactions, tx_id, &fabric::Transaction::tx_id);
   if (found == decoded->transactions.end()) return std::nullopt;
   return ledger::transaction_json(decoded->number, *found);
@@ -92,6 +97,7 @@ std::optional<json> found_in(const std::string& block, const std::string& tx_id)
 
 Status transaction(const Options& options) {
   std::optional<json> found;
+  std::string damage;
   if (options.blocks.empty()) {
     auto config = read_config(options);
     if (!config) return config.error();
@@ -100,14 +106,15 @@ Status transaction(const Options& options) {
     if (!peer) return peer.error();
     const auto block = (*peer)->query({channel, "qscc"}, {"GetBlockByTxID", {channel, options.transaction}});
     if (!block) return Error{fmt::format("transaction {}: {}", options.transaction, block.error().message)};
-    found = found_in(*block, options.transaction);
+    found = found_in(*block, options.transaction, damage);
   } else {
     const auto reading = audit::read_copy(options.blocks, [&](std::string_view block) {
-      if (!found) found = found_in(std::string(block), options.transaction);
+      if (!found) found = found_in(std::string(block), options.transaction, damage);
     });
     if (!reading) return reading.error();
     if (!reading->problem.empty() && !found) return Error{reading->problem};
   }
+  if (!found && !damage.empty()) return Error{damage};
   if (!found) return Error{fmt::format("transaction {} is not there", options.transaction)};
   print(options, *found);
   return done;

@@ -6,8 +6,8 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/config/config.hpp"
 #include "common/common.pb.h"
+#include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/receipt/receipt.hpp"
@@ -111,8 +111,8 @@ Status check_by_config(const std::string& config_block, const std::string& bytes
   if (!verifier) return verifier.error();
   if (const auto proven = verifier->verify(bytes); !proven)
     return Error{fmt::format(
-        "the receipt is written, but nothing is proven by it: {}; name an [[endorser]] of each organisation in the "
-        "config",
+        "the receipt is written, but nothing is proven by it: {}. Name an [[endorser]] of each organisation in the "
+        "config; and config_block must be of today's organisations",
         proven.error().message)};
   return done;
 }
@@ -153,7 +153,8 @@ Examples:
   ledgerline receipt --config operator.toml 3f5a... --out stop.receipt
   ledgerline receipt --verify stop.receipt --channel teleop --organisation Org1MSP=org1-ca.pem \
     --organisation Org2MSP=org2-ca.pem --organisation Org3MSP=org3-ca.pem --orderer OrdererMSP=orderer-ca.pem
-Exit codes: 0 all proven (or made), 1 one is not (or not made), 2 bad usage.)";
+Exit codes: 0 all proven (or made); 1 one is not, or was not made, or what was made proves nothing by config_block;
+2 bad usage.)";
 
 /// Empty: what was asked for makes sense.
 std::string nonsense(const Options& options) {

@@ -34,7 +34,9 @@ PilotStops::Slot& PilotStops::slot_of(std::size_t drone, const std::optional<cry
 void PilotStops::request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by) {
   Slot& slot = slot_of(drone, by);
   if (slot.stop && !slot.clears && (!cut || slot.stop->cut())) return;
+  if (slot.stop && slot.clears && slot.id != 0) slot.overtaken_id = slot.id;
   slot.clears = false;
+  slot.cut = cut;
   slot.stop.emplace();
   slot.stop->add_drones(drones_[drone].name);
   slot.stop->set_cut(cut);
@@ -47,7 +49,7 @@ void PilotStops::request(TimeNs now, std::size_t drone, bool cut, const std::opt
 Status PilotStops::request_clear(TimeNs now, std::size_t drone) {
   Slot& slot = slot_of(drone, std::nullopt);
   if (slot.stop && slot.clears) return done;
-  if (slot.stop) return Error{"a stop of it is on its way to the ledger"};
+  if (slot.stop) return Error{"its stop is not cleared: a stop of it is on its way to the ledger"};
   slot.clears = true;
   slot.stop.emplace();
   slot.stop->add_drones(drones_[drone].name);
@@ -61,6 +63,13 @@ void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next
                         std::vector<Submission>& submissions) {
   for (Slot& slot : slots_) {
     if (!slot.stop || slot.id != 0 || now < slot.next_ns) continue;
+    if (slot.clears) {
+      const Control& stoppers = leases.of(slot.drone).stoppers;
+      if (stoppers.stoppers_size() != 1 || !is_stopped_by(stoppers, to_message(self_))) {
+        slot.stop.reset();
+        continue;
+      }
+    }
     slot.stop->clear_clears();
     const std::optional<Control>& record = leases.of(slot.drone).record;
     if (slot.counted && record && !slot.clears)
@@ -74,6 +83,16 @@ void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next
 }
 
 std::optional<PilotStops::Ended> PilotStops::on_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id) {
+  const auto overtaken = std::ranges::find_if(slots_, [&](const Slot& s) { return s.overtaken_id == id; });
+  if (overtaken != slots_.end()) {
+    overtaken->overtaken_id = 0;
+    // Committed, or nobody knows: it may have cleared the stop that was asked for behind it.
+    if (!outcome.refusal) {
+      overtaken->stop.reset();
+      request(now, overtaken->drone, overtaken->cut, overtaken->by);
+    }
+    return Ended{overtaken->drone, ""};
+  }
   const auto slot = std::ranges::find_if(slots_, [&](const Slot& s) { return s.id == id; });
   if (slot == slots_.end()) return std::nullopt;
   slot->id = 0;

@@ -20,7 +20,9 @@ class PilotStops {
 
   /// `by`: the operator whose stop it is; none: ours.
   void request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by = std::nullopt);
-  /// To clear our own stop of a drone. An error: a stop of it is still on its way.
+  /// To clear our own stop of a drone. It is given up when the stop is none of ours any more, or another's stands
+  /// beside it: a supervisor's word would clear that one, too. A stop that is asked for meanwhile goes out at once, and
+  /// once more when the ledger may have taken the clear behind it. An error: a stop of it is still on its way.
   Status request_clear(TimeNs now, std::size_t drone);
   void submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id, std::vector<Submission>& submissions);
 
@@ -45,6 +47,8 @@ class PilotStops {
     bool counted = true;                     ///< it says how often our stops were cleared
     std::optional<fabric::Repeat> repeat{};  ///< of that one
     std::uint64_t id = 0;                    ///< 0: not in flight
+    std::uint64_t overtaken_id = 0;          ///< of a clear in flight, before which a stop was asked for; 0: none
+    bool cut = false;                        ///< that stop
     TimeNs next_ns = 0;
   };
   Slot& slot_of(std::size_t drone, const std::optional<crypto::IdentityName>& by);

@@ -134,6 +134,8 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const ApiCon
     if (!has(known.stopped, *call.drone)) return refusal(409, known.names[*call.drone] + " is not stopped");
     if (!has(known.stopped_by_ground, *call.drone))
       return refusal(409, known.names[*call.drone] + " is stopped by others: they clear it, by `ledgerline control`");
+    if (has(known.aloft, *call.drone))
+      return refusal(409, known.names[*call.drone] + " is in the air, or not heard: its stop is cleared on the ground");
     return accepted({PilotCommand{.drone = *call.drone, .clear_stop = true}});
   }
   if (known.operators.empty())

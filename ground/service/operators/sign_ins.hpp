@@ -106,8 +106,9 @@ class SignIns {
 bool is_aloft(const FlightView& flights, std::size_t drone);
 /// Indexes of those, and of the ones of which nothing is known yet.
 std::vector<std::size_t> aloft_of(const FlightView& flights);
-/// Indexes of the drones that ground's own identity has stopped, and nobody else.
+/// Indexes of the drones that somebody has stopped.
 std::vector<std::size_t> stopped_of(const FlightView& flights);
+/// Indexes of the drones that ground's own identity has stopped, and nobody else.
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights);
 
 /// What somebody holds that we command for him.

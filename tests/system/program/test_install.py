@@ -105,9 +105,9 @@ def test_an_example_lacks_nothing_but_the_identity_that_it_names(whole, name, wo
     assert f"cannot read folder /etc/ledgerline/{name}/signcerts" in ran.stderr
 
 
-def test_the_example_of_link_lacks_nothing_but_roudi(whole):
+def test_the_example_of_link_lacks_nothing_but_roudi(whole, tmp_path):
     example = whole / "share/doc/ledgerline-onboard/examples/link.toml"
-    ran = subprocess.run([whole / "bin/ledgerline-link", "--config", example], capture_output=True, text=True, timeout=60)
+    ran = subprocess.run([whole / "bin/ledgerline-link", "--config", example], capture_output=True, text=True, timeout=60, cwd=tmp_path)
     assert ran.returncode == 1 and "RouDi does not answer" in ran.stderr
 
 

@@ -16,7 +16,6 @@ CASES = 20_000 if LONG else 600
 SEED = int(os.environ.get("LEDGERLINE_SEED", "1"))
 # Who serves, flies or measures goes on until it is asked to end. Not limits on speed: how long a broken program may take.
 ASK_S, END_S = 2, 60
-DAEMONS = [f"ledgerline-{name}" for name in ("agent", "bridge", "chaincode", "endorser", "ground", "link", "node", "roudi", "sim")]
 JUNK = ["", "-", "--", "-1", "0", "1", "65536", "99999999999999999999", "1e308", "nan", "inf", "0x10", "1..9", "9..1", "1,2", ",", "=", "a=b", "*", "tello1",
         "tello1/*", "../..", "Org1MSP", "127.0.0.1:1", "[::1]:0", "http://", "https://127.0.0.1:1/", "10ms", "on", "none", "manual", "\t", "\n", "%s%n", "ä", "\udcff\udcfe",
         "x" * 300, "x" * 70_000, "{}", "[", "\"", "'", "$(true)", "2026-11-29T01:02:03Z", "/", "/dev/null", "/nowhere/at/all"]
@@ -33,7 +32,7 @@ def completions(*words: str) -> list[str]:
 
 def commands() -> list[tuple[list, list[str]]]:
     """Each verb, and each verb of a verb, with its options."""
-    found = [([BIN / name], ["--config", "--help", "--version", "--dir", "--listen", "--drones"]) for name in DAEMONS]
+    found = []
     for verb in completions(""):
         if verb in ("completion", "help", "version", "experiment"):  # the last is a script that builds
             continue
@@ -89,8 +88,8 @@ def case(number: int, known: list, files: list[str], home: pathlib.Path) -> str:
             return f"{words}, {environment}: it does not end when asked to"
     finally:
         shutil.rmtree(here, ignore_errors=True)
-    fine = program.returncode in (0, 1, 2) or (asked and program.returncode == -signal.SIGINT)
-    if fine and b"terminate called" not in said and b"Sanitizer" not in said:
+    fine = program.returncode in (0, 1, 2, 3) or (asked and program.returncode == -signal.SIGINT)
+    if fine and not any(words in said for words in (b"terminate called", b"Sanitizer", b"which is not here")):
         return ""
     return f"{words}, {environment}: {program.returncode}: {said[-500:].decode(errors='replace')}"
 

@@ -135,7 +135,10 @@ Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& 
       if (!names.empty() && std::ranges::find(names, name) == names.end()) continue;
       if (verb == "takeoff" && text_at(drone, "phase") == "failed")
         failed = Error{fmt::format("{}: failed: {}", name, mode_of(drone))};
-      all = all && (verb == "takeoff" ? link_phase == "flying" : link_phase == "on_ground" || link_phase == "landed");
+      const bool is_down = link_phase == "on_ground" || link_phase == "landed";
+      const bool is_stop = verb == "stop" || verb == "cut";
+      all = all &&
+            (verb == "takeoff" ? link_phase == "flying" : is_down && (!is_stop || !drone.at("stopped_by").empty()));
     }
     return all;
   });

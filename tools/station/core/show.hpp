@@ -21,7 +21,8 @@ Result<Rows> drone_rows(std::string_view body);
 /// The same without what changes all the time: equal, nothing has changed that is worth a new table.
 Rows settled(Rows rows);
 
-/// "takeoff" brings a drone into the air; "land", "stop" and "cut" to the ground.
+/// "takeoff" brings a drone into the air; "land", "stop" and "cut" to the ground, the last two with a stop on the
+/// ledger.
 bool has_an_end(std::string_view verb);
 /// Whether all of `names` (none: all that are listed) are where `verb` brings them. An error: one failed, and why. Of
 /// GET drones.

@@ -23,6 +23,7 @@ using Kind = ground::service::OperatorCall::Kind;
 constexpr TimeNs outcome_limit_ns = 30 * ns_per_s;  // a ledger that is slow, and its client's own attempts
 constexpr TimeNs counted_limit_ns = 5 * ns_per_s;   // who signs a second time is not counted again
 constexpr TimeNs ask_every_ns = 100 * ns_per_ms;
+constexpr TimeNs board_gap_ns = 700 * ns_per_ms;  // the drones' table may be half a second old
 
 constexpr std::array<std::pair<std::string_view, Kind>, 6> kinds{{{"acquire", Kind::acquire},
                                                                   {"release", Kind::release},
@@ -83,9 +84,21 @@ Status call_and_wait(Station& station, const std::string& drone, const std::stri
   const auto name = signed_in_as(*operators);
   if (!name) return name.error();
   if (verb == "clear_stop" && nobody_signs_in(*operators)) {
+    const auto newest = newest_event(station);
+    if (!newest) return newest.error();
+    std::uint64_t number = *newest;
     if (const auto taken = station.request(drone_request(drone, verb, body)); !taken) return taken.error();
     return wait_until(station, "drones", drone + ": clear_stop", outcome_limit_ns,
-                      [&](std::string_view answer) { return is_cleared(answer, drone); });
+                      [&](std::string_view answer) -> Result<bool> {
+                        const auto events = events_behind(station, number);
+                        if (!events) return events.error();
+                        for (const ShownEvent& event : *events) {
+                          number = event.number;
+                          if (event.drone == drone && event.text.find("its stop is not cleared") != std::string::npos)
+                            return Error{fmt::format("{}: {}", drone, event.text)};
+                        }
+                        return is_cleared(answer, drone);
+                      });
   }
   const auto newest = newest_event(station);
   if (!newest) return newest.error();
@@ -107,6 +120,7 @@ Status call_and_wait(Station& station, const std::string& drone, const std::stri
 Status wait_until(Station& station, const std::string& target, const std::string& what, TimeNs limit_ns,
                   const std::function<Result<bool>(std::string_view body)>& is_there) {
   catch_stop_signals();
+  rest(board_gap_ns);  // what is from before the request says nothing
   for (const TimeNs until_ns = monotonic_ns() + limit_ns; monotonic_ns() < until_ns && !stop_requested;
        rest(ask_every_ns)) {
     const auto body = station.request({.target = target});

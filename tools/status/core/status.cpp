@@ -166,7 +166,9 @@ std::string name_of(const std::string& file, const std::vector<std::string>& wor
   const std::filesystem::path path = file;
   const std::string name = path.filename();
   // In libexec, or its file may not be looked at: then this is the first word.
-  const bool is_verb = name == "ledgerline" || path.parent_path().filename() == "ledgerline";
+  const std::filesystem::path folder = path.parent_path();
+  const bool is_group = folder.filename() == "ledgerline" && folder.parent_path().filename() == "libexec";
+  const bool is_verb = name == "ledgerline" || (is_group && name.starts_with("ledgerline-"));
   if (is_verb) return words.size() > 1 ? "ledgerline " + words[1] : "";
   return name.starts_with("ledgerline-") ? name : "";
 }

@@ -51,6 +51,27 @@ class ACommandLine : public testing::Test {
   Option laps{nullptr}, quiet{nullptr};
 };
 
+TEST_F(ACommandLine, WhatFewNeedIsInHelpAllAloneAndKeepsItsNameInErrors) {
+  int depth = 0;
+  line.option("--depth", depth, "Rarely asked for").within(1, 9).in_help_all();
+  EXPECT_THAT(refusal({"--depth", "12"}), HasSubstr("--depth: Value 12 not in range"));
+  const auto all = line.read({"--help-all"});
+  ASSERT_TRUE(all);
+  EXPECT_THAT(all->text, HasSubstr("--depth"));
+  const auto help = line.read({"--help"});
+  ASSERT_TRUE(help && help->exit_code == 0);
+  EXPECT_THAT(help->text, testing::AllOf(HasSubstr("--laps"), testing::Not(HasSubstr("--depth")),
+                                         HasSubstr("More options: ledgerline fly --help-all")));
+}
+
+TEST_F(ACommandLine, AWordThatIsNearlyRightIsAnsweredWithWhatWasMeant) {
+  EXPECT_THAT(refusal({"--lapz", "3"}), HasSubstr("did you mean --laps?"));
+  EXPECT_THAT(refusal({"--xyzzy"}), testing::Not(HasSubstr("did you mean")));
+  EXPECT_EQ(nearest_word("stpo", {"start", "stop"}), "stop");
+  EXPECT_EQ(nearest_word("x", {"go"}), "") << "of one letter nothing is near";
+  EXPECT_EQ(nearest_word(std::string(1'000'000, 'x'), {"stop"}), "") << "bounded";
+}
+
 TEST_F(ACommandLine, NothingGivenLeavesTheDefaults) {
   EXPECT_FALSE(line.read({}));
   EXPECT_EQ(values.laps, 3);

@@ -14,8 +14,8 @@ class Api : public testing::Test {
  protected:
   ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "",
                 std::optional<std::size_t> who = {}) {
-    return answer({method, target, body, who},
-                  {names, drones, R"({"tello1":[[1,2,3]]})", events, operators, nullptr, aloft, stopped, stopped_by_ground});
+    return answer({method, target, body, who}, {names, drones, R"({"tello1":[[1,2,3]]})", events, operators, nullptr,
+                                                aloft, stopped, stopped_by_ground});
   }
   std::vector<std::size_t> aloft;              ///< on the ground: all
   std::vector<std::size_t> stopped;            ///< none
@@ -160,6 +160,9 @@ TEST_F(Api, AStoppedDroneTakesOffOnlyOnceItsStopIsCleared) {
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello2/takeoff").status, 202U);
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop").status, 409U) << "by others";
   stopped_by_ground = {0};
+  aloft = {0};
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop").status, 409U) << "it still lands";
+  aloft = {};
   const ApiAnswer cleared = ask("POST", "/api/v1/drones/tello1/clear_stop");
   EXPECT_EQ(cleared.status, 202U);
   EXPECT_TRUE(cleared.commands.at(0).clear_stop);

@@ -66,7 +66,7 @@ TEST_F(ChainAuditTest, TellsOfTheSpanAndTheDronesThatWereAskedForAndChecksAll) {
   EXPECT_EQ(told.events.count(), 0U) << "enrolled and granted before";
   EXPECT_EQ(later.counts().transactions, audited(ledger.chain, ledger.trust()).counts().transactions);
 
-  AuditRequest asked{"teleop", "memory", "anchor", {"tello7"}};
+  AuditRequest asked{"teleop", "memory", "anchor", {"tello7"}, {}};
   EXPECT_TRUE(to_json(later, asked)["drones"].empty());
   asked.drones.insert("tello1");
   EXPECT_TRUE(to_json(later, asked)["drones"].contains("tello1"));

@@ -74,8 +74,8 @@ class SignedLedger : public fabric::SignedNode {
   }
 };
 
-inline ChainAudit audited(const std::vector<std::string>& chain, Trust trust, TimeSpan told = {}) {
-  auto audit = ChainAudit::start(std::move(trust), told);
+inline ChainAudit audited(const std::vector<std::string>& chain, Trust trust, TimeSpan span = {}) {
+  auto audit = ChainAudit::start(std::move(trust), span);
   EXPECT_TRUE(audit) << audit.error().message;
   for (const std::string& block : chain) audit->add(block);
   audit->end();

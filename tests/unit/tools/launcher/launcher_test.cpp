@@ -48,6 +48,10 @@ class FakePrograms : public testing::Test {
     write("ground", R"(echo '{"ground":{"drones":[{"name":"tello1","phase":"path"}]}}'
 sleep 0.2; exit 0)");
     write("control", "exit 0", false);
+    // Verbs are asked for by name.
+    const std::string command = files.in("ledgerline");
+    std::ofstream(command) << "#!/bin/sh\nverb=$1\nshift\nexec " << files.directory << "/ledgerline-$verb \"$@\"\n";
+    ::chmod(command.c_str(), 0755);
     // Of the ledger's files fly itself looks for the host's certificate.
     const fs::path host = files.in("ledger/crypto/peerOrganizations/org1.ledgerline/users/User1@org1.ledgerline/msp");
     for (const char* file : {"signcerts/cert.pem", "keystore/key_sk"}) {

@@ -318,7 +318,9 @@ TEST(FlyOptions, HelpIsNoErrorAndShowsExamples) {
   EXPECT_FALSE(line.fly);
   EXPECT_EQ(line.exit_code, 0);
   EXPECT_THAT(line.text, HasSubstr("Examples"));
-  EXPECT_THAT(line.text, HasSubstr("--batch-timeout"));
+  EXPECT_THAT(line.text, HasSubstr("--drones"));
+  EXPECT_THAT(line.text, testing::Not(HasSubstr("--batch-timeout")));
+  EXPECT_THAT(parse_command_line({"--help-all"}).text, HasSubstr("--batch-timeout"));
 }
 
 TEST(FlyOptions, DurationsHaveUnitsOrAreMilliseconds) {

@@ -62,7 +62,15 @@ TEST_F(PilotStopsTest, AStopGoesAgainUntilTheLedgerHasItAndACutReplacesIt) {
   EXPECT_FALSE(stops.pending());
 }
 
-TEST_F(PilotStopsTest, OursIsClearedByACallOfItsOwnAndAStopThatComesMeanwhileWins) {
+/// The record, with stops of these.
+Control stopped_by(const std::vector<crypto::IdentityName>& all) {
+  Control record = control_record("tello1", operator_name);
+  for (const crypto::IdentityName& one : all) *record.add_stoppers() = stop_of("tello1", one);
+  return record;
+}
+
+TEST_F(PilotStopsTest, OursIsClearedByACallOfItsOwn) {
+  ASSERT_TRUE(leases.set(stopped_by({operator_name})));
   ASSERT_TRUE(stops.request_clear(0, 0));
   EXPECT_FALSE(stops.pending(0)) << "no stop is on its way";
   submit(0);
@@ -70,18 +78,49 @@ TEST_F(PilotStopsTest, OursIsClearedByACallOfItsOwnAndAStopThatComesMeanwhileWin
   EXPECT_EQ(sent[0].call.function, "clear_stop");
   EXPECT_EQ(newest().drones(0), "tello1");
   EXPECT_EQ(newest().clears_size(), 0);
-  stops.request(1, 0, false);
+  const auto refused =
+      stops.on_outcome(5, fabric::Outcome::failed(Kind::refused, "chaincode response 500, not yours"), sent[0].id);
+  EXPECT_EQ(refused->problem, "its stop is not cleared: not yours");
+  EXPECT_FALSE(stops.pending());
+}
+
+TEST_F(PilotStopsTest, WhatIsNotOursAloneIsNotCleared) {
+  for (const auto& all :
+       {std::vector<crypto::IdentityName>{}, {{"Org1MSP", "CN=eve"}}, {operator_name, {"Org1MSP", "CN=eve"}}}) {
+    ASSERT_TRUE(leases.set(stopped_by(all)));
+    ASSERT_TRUE(stops.request_clear(0, 0));
+    submit(0);
+    EXPECT_TRUE(sent.empty()) << all.size();
+    EXPECT_FALSE(stops.pending());
+  }
+}
+
+TEST_F(PilotStopsTest, AStopBehindAClearInFlightGoesOutAndOnceMoreWhenThatWasTaken) {
+  ASSERT_TRUE(leases.set(stopped_by({operator_name})));
+  ASSERT_TRUE(stops.request_clear(0, 0));
+  submit(0);
+  stops.request(1, 0, true);
   submit(1);
   ASSERT_EQ(sent.size(), 2u);
   EXPECT_EQ(sent[1].call.function, "stop");
-  EXPECT_TRUE(stops.pending(0));
   EXPECT_FALSE(stops.request_clear(2, 0)) << "the stop goes first";
   EXPECT_TRUE(stops.on_outcome(3, fabric::Outcome::failed(Kind::committed, ""), sent[1].id));
-  ASSERT_TRUE(stops.request_clear(4, 0));
+  EXPECT_FALSE(stops.pending());
+  EXPECT_TRUE(stops.on_outcome(4, fabric::Outcome::failed(Kind::committed, ""), sent[0].id)) << "the clear, behind it";
   submit(4);
-  const auto refused =
-      stops.on_outcome(5, fabric::Outcome::failed(Kind::refused, "chaincode response 500, not yours"), sent[2].id);
-  EXPECT_EQ(refused->problem, "its stop is not cleared: not yours");
+  ASSERT_EQ(sent.size(), 3u);
+  EXPECT_EQ(sent[2].call.function, "stop");
+  EXPECT_TRUE(newest().cut());
+
+  EXPECT_TRUE(stops.on_outcome(5, fabric::Outcome::failed(Kind::committed, ""), sent[2].id));
+  ASSERT_TRUE(stops.request_clear(6, 0));
+  submit(6);
+  stops.request(7, 0, false);
+  submit(7);
+  EXPECT_TRUE(stops.on_outcome(8, fabric::Outcome::failed(Kind::refused, "chaincode response 500, no"), sent[3].id))
+      << "the clear is refused";
+  submit(8);
+  EXPECT_EQ(sent.size(), 5u) << "its stop is on its way, and no second one is needed";
 }
 
 TEST_F(PilotStopsTest, ItSaysForHowManyClearsItIsAndOnceMoreWithoutWhereThatIsRefused) {
