@@ -102,7 +102,7 @@ Status make(const Options& options) {
     if (!text) return text.error();
     if (text->find("PRIVATE KEY") != std::string::npos)
       return Error{path +
-                   ": has a private key, and whoever may fetch the package would have it; give the certificate alone"};
+                   ": has a private key, and who may fetch the package would have it; give the certificate alone"};
     into = std::move(*text);
     return done;
   };

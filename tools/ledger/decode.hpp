@@ -7,7 +7,7 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "ledgerline.pb.h"
 
-/// What the ledger holds, decoded for people. Bytes of unknown form are told by their size. What others chose is made
+/// What the ledger holds, decoded for people. Of bytes of unknown form there is the size. What others chose is made
 /// printable where it is text. Pure.
 namespace ledgerline::ledger {
 

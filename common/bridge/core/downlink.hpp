@@ -135,7 +135,7 @@ class Downlink {
   Match match(std::string_view id);
   /// `strange`: its sender may not write it.
   std::size_t topic_of(std::string_view id, const Match& match, bool strange);
-  /// Why DDS does not get it, whoever wrote it; nothing: it does.
+  /// Why DDS does not get it, no matter who wrote it; nothing: it does.
   std::optional<Refusal> unpublishable(std::size_t topic, const AssetView& asset) const;
   void identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
   static bool may_write(const Signer& signer, std::string_view id);

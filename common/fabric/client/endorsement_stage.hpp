@@ -14,7 +14,7 @@
 
 namespace ledgerline::fabric {
 
-/// What comes out of a Pipeline's completion queue; whoever takes it out calls and deletes it.
+/// What comes out of a Pipeline's completion queue; who takes it out calls and deletes it.
 using QueueTag = std::function<void(bool ok)>;
 
 /// A unary call on a completion queue.

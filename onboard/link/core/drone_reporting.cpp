@@ -81,7 +81,7 @@ void DroneReporting::record_serial(const LinkMoment& at, const SerialCheck& seri
 }
 
 void DroneReporting::record_words(const LinkMoment& at, const TelloSession& session) noexcept {
-  const auto record = [&](DroneWords::Kind kind, const SaidText& said, TimeNs& reported_ns) {
+  const auto record = [&](DroneWords::Kind kind, const DroneText& said, TimeNs& reported_ns) {
     if (said.at_ns == 0 || said.at_ns == reported_ns) return;
     reported_ns = said.at_ns;
     at.out.words.push({number_, kind, said.text});

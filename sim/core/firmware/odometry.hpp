@@ -49,7 +49,7 @@ class OwnHeight {
   double error_m_ = 0;
 };
 
-/// Where the drone takes itself to be, by its own senses: what its flight controller flies by. One thread.
+/// Where the drone takes itself to be, by its onboard sensors: what its flight controller flies by. One thread.
 class Odometry {
  public:
   Odometry(const Parameters& parameters, std::uint64_t seed) : flow_(parameters.sensors, seed), height_(parameters) {}

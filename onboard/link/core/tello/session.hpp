@@ -11,7 +11,7 @@
 namespace ledgerline::link {
 
 /// What a drone said, and when; 0: never.
-struct SaidText {
+struct DroneText {
   TimeNs at_ns = 0;
   Quote text;
 };
@@ -39,7 +39,7 @@ class ReportedState {
   /// Datagrams that were no state text.
   std::uint32_t unreadable() const noexcept { return unreadable_; }
   /// One of them, when that is all that comes: the newest a minute.
-  const SaidText& unreadable_text() const noexcept { return unreadable_text_; }
+  const DroneText& unreadable_text() const noexcept { return unreadable_text_; }
 
  private:
   void on_unreadable(TimeNs now, std::string_view bytes) noexcept;
@@ -56,7 +56,7 @@ class ReportedState {
   double refused_lead_s_ = 0;    ///< of the first of them
   std::uint32_t unreadable_ = 0;
   int unreadable_in_a_row_ = 0;
-  SaidText unreadable_text_;
+  DroneText unreadable_text_;
 };
 
 /// The one command to a connected drone that waits for its answer, or is repeated until the drone is down. One thread.
@@ -173,9 +173,9 @@ class TelloSession {
   TimeNs state_at_ns() const noexcept { return reported_.at_ns(); }
   bool has_flown() const noexcept { return has_flown_; }
   /// The drone's own words to the newest take-off that it refused on the ground; forgotten when one is accepted.
-  const SaidText& takeoff_refusal() const noexcept { return takeoff_refusal_; }
+  const DroneText& takeoff_refusal() const noexcept { return takeoff_refusal_; }
   /// What comes in place of state texts (ReportedState).
-  const SaidText& unreadable_text() const noexcept { return reported_.unreadable_text(); }
+  const DroneText& unreadable_text() const noexcept { return reported_.unreadable_text(); }
   std::uint32_t states_refused() const noexcept { return reported_.unreadable(); }
   std::uint32_t answers_unasked() const noexcept { return answers_unasked_; }
 
@@ -203,7 +203,7 @@ class TelloSession {
   bool handshake_ok_ = false;
   bool has_flown_ = false;
   TimeNs takeoff_not_before_ns_ = 0;
-  SaidText takeoff_refusal_;
+  DroneText takeoff_refusal_;
   TimeNs rising_until_ns_ = 0;  ///< until then a take-off that was sent may still lift it; 0: seen in the air since
   TimeNs grounded_since_ns_ = 0, aloft_since_ns_ = 0, down_since_ns_ = 0;
   std::uint32_t answers_unasked_ = 0;

@@ -284,7 +284,7 @@ TEST(Access, ForTheContractARoleThatIsNotKnownIsNone) {
   EXPECT_FALSE(check_call(call, caller, {}));
 }
 
-// Whoever the record says is revoked, though the reader knows no role of it.
+// Who is revoked by the record, though the reader knows no role of it.
 TEST(Access, ADelegateWhomTheRecordSaysIsRevokedIsNone) {
   Control record;
   record.set_drone("tello1");

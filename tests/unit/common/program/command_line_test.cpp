@@ -68,7 +68,7 @@ TEST_F(ACommandLine, AWordThatIsNearlyRightIsAnsweredWithWhatWasMeant) {
   EXPECT_THAT(refusal({"--lapz", "3"}), HasSubstr("did you mean --laps?"));
   EXPECT_THAT(refusal({"--xyzzy"}), testing::Not(HasSubstr("did you mean")));
   EXPECT_EQ(nearest_word("stpo", {"start", "stop"}), "stop");
-  EXPECT_EQ(nearest_word("x", {"go"}), "") << "of one letter nothing is near";
+  EXPECT_EQ(nearest_word("x", {"go"}), "") << "nothing is near a single character";
   EXPECT_EQ(nearest_word(std::string(1'000'000, 'x'), {"stop"}), "") << "bounded";
 }
 

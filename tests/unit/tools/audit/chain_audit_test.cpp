@@ -60,10 +60,10 @@ TEST_F(ChainAuditTest, TellsOfTheSpanAndTheDronesThatWereAskedForAndChecksAll) {
   const Commands& commands = all.commands.begin()->second;
   ASSERT_EQ(commands.valid, 3U);
   const ChainAudit later = audited(ledger.chain, ledger.trust(), {commands.last.time_ns, commands.last.time_ns});
-  const DroneReport& told = later.report().drones().at("tello1");
-  EXPECT_EQ(told.commands.begin()->second.valid, 1U);
-  EXPECT_EQ(told.holders.count(), 1U) << "held since before";
-  EXPECT_EQ(told.events.count(), 0U) << "enrolled and granted before";
+  const DroneReport& reported = later.report().drones().at("tello1");
+  EXPECT_EQ(reported.commands.begin()->second.valid, 1U);
+  EXPECT_EQ(reported.holders.count(), 1U) << "held since before";
+  EXPECT_EQ(reported.events.count(), 0U) << "enrolled and granted before";
   EXPECT_EQ(later.counts().transactions, audited(ledger.chain, ledger.trust()).counts().transactions);
 
   AuditRequest asked{"teleop", "memory", "anchor", {"tello7"}, {}};

@@ -28,15 +28,15 @@ TEST(ATransaction, IsToldInWordsWithWhatWasCommanded) {
   chain.enroll();
   chain.acquire();
   const std::string tx_id = chain.submit(chain.pilot, "command", chain.command_call(4, 1, 9));
-  const json told = last_transaction(chain, tx_id);
-  EXPECT_EQ(told["transaction"], tx_id);
-  EXPECT_EQ(told["function"], "command");
-  EXPECT_EQ(told["verdict"], "VALID");
-  EXPECT_THAT(told["creator"].get<std::string>(), StartsWith("Org2MSP CN="));
-  EXPECT_GE(told["endorsers"].size(), 1U);
-  EXPECT_EQ(told["arguments"]["plans"][0]["drone"], "tello1");
-  EXPECT_EQ(told["arguments"]["plans"][0]["sequence"], "4");  // protobuf's JSON has 64 bits as text
-  EXPECT_THAT(lines(told), HasSubstr("\n  plans:\n    - "));
+  const json decoded = last_transaction(chain, tx_id);
+  EXPECT_EQ(decoded["transaction"], tx_id);
+  EXPECT_EQ(decoded["function"], "command");
+  EXPECT_EQ(decoded["verdict"], "VALID");
+  EXPECT_THAT(decoded["creator"].get<std::string>(), StartsWith("Org2MSP CN="));
+  EXPECT_GE(decoded["endorsers"].size(), 1U);
+  EXPECT_EQ(decoded["arguments"]["plans"][0]["drone"], "tello1");
+  EXPECT_EQ(decoded["arguments"]["plans"][0]["sequence"], "4");  // protobuf's JSON has 64 bits as text
+  EXPECT_THAT(lines(decoded), HasSubstr("\n  plans:\n    - "));
 }
 
 TEST(ACallsArguments, AreItsMessageElsePlainElseCounted) {
