@@ -17,7 +17,7 @@ namespace {
 using nlohmann::json;
 
 // Enough for the eye, and a page that opens at once.
-constexpr std::size_t points_in_page = 30'000;
+constexpr std::size_t points_in_page = 30'000, max_modes = 500;
 
 template <typename T, typename Make>
 json thinned(const std::vector<T>& all, std::size_t most, Make make) {
@@ -34,7 +34,7 @@ json to_json(const PublishedBox& box) {
 
 json page_data(const Results& results) {
   json data = to_json(results);
-  const std::size_t each = points_in_page / std::max<std::size_t>(1, 5 * results.drones.size());
+  const std::size_t each = points_in_page / std::max<std::size_t>(1, 6 * results.drones.size());
   for (std::size_t i = 0; i < results.drones.size(); ++i) {
     const DroneResult& drone = results.drones[i];
     json& out = data["drones"][i];
@@ -45,6 +45,12 @@ json page_data(const Results& results) {
     out["flown"] = thinned(drone.flown, 2 * each, point);
     out["reported"] = thinned(drone.reported, each, [](const ReportedPosition& one) {
       return json{rounded(one.t_s), rounded(one.three_sigma_m), one.error_m ? json(rounded(*one.error_m)) : json()};
+    });
+    out["moments"] = thinned(drone.moments, each, [](const FlownMoment& one) {
+      return json{rounded(one.t_s), rounded(one.position_m[2]), rounded(one.speed_mps)};
+    });
+    out["modes"] = thinned(drone.modes, max_modes, [](const ModeChange& one) {
+      return json{rounded(one.t_s), one.phase, one.mode, one.cause};
     });
     out["wanted"] = thinned(drone.wanted, drone.wanted.size() + 1, point);
   }

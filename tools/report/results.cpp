@@ -90,8 +90,11 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
   if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
   const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
   drone.flown = flown_path(truth, number, begin_ns, end_ns);
-  if (asked.manual || asked.own) return;
+  if (asked.manual) return;
   const ground::Path path = launcher::path_of(asked, number, {number_of(origin[0]), number_of(origin[1])});
+  for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});
+  if (!drone.wanted.empty()) drone.wanted.push_back(drone.wanted.front());
+  if (asked.own) return;
   const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
   drone.path_flown = error.count > 0;
   drone.cross_track_rms_m = error.rms_m;
@@ -107,8 +110,6 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
         {asked_mps, lap_s > 0 ? number_of(at(ground, "lap_m")) / lap_s : 0, of_lap.rms_m, of_lap.max_m});
     from_ns = to_ns;
   }
-  for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});
-  if (!drone.wanted.empty()) drone.wanted.push_back(drone.wanted.front());
 }
 
 }  // namespace
@@ -185,7 +186,8 @@ void read_ledger(const json& node, const launcher::RunRecord& record, Results& r
   }
 }
 
-DroneResult read_drone(const Left& left, const launcher::Options& asked, std::uint16_t number, TimeNs begin_ns) {
+DroneResult read_drone(const Left& left, const launcher::Options& asked, std::uint16_t number, TimeNs begin_ns,
+                       TimeNs end_ns) {
   DroneResult drone;
   drone.id = launcher::drone_name(asked, number);
   drone.two_way = latencies(left.agent_trace, TraceKind::command_verified, number, begin_ns);
@@ -218,6 +220,11 @@ DroneResult read_drone(const Left& left, const launcher::Options& asked, std::ui
   if (at(g, "slowed_to_mps").is_number()) drone.slowed_to_mps = number_of(at(g, "slowed_to_mps"));
   read_path(g, left.truth, number, asked, drone);
   drone.reported = reported_positions(left.link_trace, left.truth, number, begin_ns);
+  drone.moments = flown_moments(left.link_trace, number, begin_ns, end_ns);
+  drone.modes = mode_changes(left.link_trace, number, begin_ns, end_ns);
+  if (asked.own) {
+    for (const FlownMoment& one : drone.moments) drone.flown.push_back({one.position_m[0], one.position_m[1]});
+  }
   return drone;
 }
 
@@ -241,7 +248,7 @@ Results read_results(const launcher::RunFiles& files, const launcher::Options& a
   std::vector<Sample> all_two_way, all_age;
   std::uint64_t messages = 0;
   for (int k = 1; k <= asked.drones; ++k) {
-    DroneResult drone = read_drone(left, asked, static_cast<std::uint16_t>(k), record.begin_ns);
+    DroneResult drone = read_drone(left, asked, static_cast<std::uint16_t>(k), record.begin_ns, record.end_ns);
     all_two_way.insert(all_two_way.end(), drone.two_way.begin(), drone.two_way.end());
     all_age.insert(all_age.end(), drone.age.begin(), drone.age.end());
     messages += drone.states[2] + drone.commands[1];

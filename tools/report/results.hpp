@@ -35,6 +35,18 @@ struct ReportedMetrics {
   std::optional<double> inside{};  ///< share of errors within what was reported, 0..1
 };
 
+/// Where a drone was, as link reported it; simulated or real.
+struct FlownMoment {
+  double t_s = 0;                      ///< since the flight began
+  std::array<double, 3> position_m{};  ///< map
+  double speed_mps = 0;                ///< over the last 0.3 s; 0: not known yet
+};
+/// Names as common/msg/names.hpp has them.
+struct ModeChange {
+  double t_s = 0;
+  std::string phase, mode, cause;
+};
+
 struct DroneResult {
   std::string id;
   std::vector<Sample> two_way, age;
@@ -52,6 +64,8 @@ struct DroneResult {
   std::array<std::uint64_t, 6> commands{};         ///< sent, on_ledger, refused, applied, late, dropped
   std::map<std::string, std::uint64_t> reasons;    ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;
+  std::vector<FlownMoment> moments;
+  std::vector<ModeChange> modes;
   std::vector<ReportedPosition> reported;  ///< empty: no variance was reported, as with motion capture
 };
 
@@ -104,6 +118,12 @@ std::vector<ReportedPosition> reported_positions(const std::vector<TraceRecord>&
                                                  TimeNs begin_ns);
 /// Nothing where no variance was reported.
 std::optional<ReportedMetrics> metrics_of(const std::vector<ReportedPosition>& reported);
+
+/// Of link's trace, of one drone, between these times.
+std::vector<FlownMoment> flown_moments(const std::vector<TraceRecord>& link, std::uint16_t drone, TimeNs begin_ns,
+                                       TimeNs end_ns);
+std::vector<ModeChange> mode_changes(const std::vector<TraceRecord>& link, std::uint16_t drone, TimeNs begin_ns,
+                                     TimeNs end_ns);
 
 /// The object of `fly --json`.
 nlohmann::json to_json(const Results& results);

@@ -41,6 +41,34 @@ TEST(Report, LatencyIsFromEachCommandsStampToItsFirstRecordPerDrone) {
   EXPECT_NEAR(samples[0].t_s, 0.1, 1e-9);
 }
 
+TEST(Report, MomentsAreWhereLinkReportedADroneWithItsSpeed) {
+  std::vector<TraceRecord> link;
+  for (int i = 0; i <= 30; ++i) {
+    link.push_back(record(TraceKind::state_sampled, (100 + 50 * i) * ns_per_ms, 1, i, 0, 0.05 * i));
+    link.push_back(record(TraceKind::state_sampled, (100 + 50 * i) * ns_per_ms, 2, i, 0, 7));
+  }
+  link.push_back(
+      record(TraceKind::state_sampled, 1700 * ns_per_ms, 1, 31, 0, std::numeric_limits<double>::quiet_NaN()));
+  const auto moments = flown_moments(link, 1, 100 * ns_per_ms, 1800 * ns_per_ms);
+  ASSERT_EQ(moments.size(), 31u);
+  EXPECT_DOUBLE_EQ(moments.front().t_s, 0);
+  EXPECT_EQ(moments[2].speed_mps, 0) << "not known yet";
+  EXPECT_NEAR(moments.back().speed_mps, 1.0, 1e-9);
+  EXPECT_NEAR(moments.back().position_m[0], 1.5, 1e-9);
+}
+
+TEST(Report, ModeChangesHaveTheirNamesAndADamagedOneIsUnknown) {
+  TraceRecord changed = record(TraceKind::mode, 2 * ns_per_s, 1, static_cast<std::uint64_t>(FlightPhase::flying), 0,
+                               static_cast<double>(FailsafeCause::fence));
+  changed.extra = static_cast<std::uint32_t>(FailsafeMode::brake);
+  const TraceRecord damaged = record(TraceKind::mode, 3 * ns_per_s, 1, 77, 0, -1);
+  const auto changes = mode_changes({changed, damaged}, 1, ns_per_s, 9 * ns_per_s);
+  ASSERT_EQ(changes.size(), 2u);
+  EXPECT_EQ(changes[0].phase + " " + changes[0].mode + " " + changes[0].cause, "flying brake fence");
+  EXPECT_DOUBLE_EQ(changes[0].t_s, 1);
+  EXPECT_EQ(changes[1].phase + changes[1].cause, "unknownunknown");
+}
+
 TEST(Report, QuantilesAreThoseOfTheSamples) {
   std::vector<Sample> samples;
   for (int i = 1; i <= 1000; ++i) samples.push_back({0, i * 0.1});
