@@ -1,6 +1,8 @@
 #include "tools/launcher/live.hpp"
 
 #include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
@@ -30,6 +32,19 @@ std::string text(const json& object, const char* key, const std::string& otherwi
 std::string in_ms(double ms) { return ms < 0 ? "  -  " : fmt::format("{:4.0f} ms", ms); }
 
 }  // namespace
+
+std::vector<std::string> fitted(std::vector<std::string> lines, std::size_t columns, std::size_t rows) {
+  const std::size_t most = std::max<std::size_t>(rows, 2) - 1;  // the cursor's own row is below
+  if (lines.size() > most) {
+    const std::size_t left_out = lines.size() - most + 1;
+    lines.resize(most - 1);
+    lines.push_back(fmt::format("and {} drones more, for which this terminal has no room", left_out));
+  }
+  for (std::string& line : lines) {
+    if (line.size() > columns) line.resize(columns);
+  }
+  return lines;
+}
 
 Live::Live(const std::vector<std::string>& names, bool terminal, TimeNs start_ns)
     : terminal_(terminal), start_ns_(start_ns) {
@@ -103,7 +118,9 @@ void Live::show(TimeNs now_ns) {
   if (now_ns < next_ns_) return;
   next_ns_ = now_ns + (terminal_ ? terminal_period_ns : log_period_ns);
   clear();
-  const auto all = lines(now_ns);
+  auto all = lines(now_ns);
+  if (winsize size{}; terminal_ && ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 && size.ws_row > 0)
+    all = fitted(std::move(all), size.ws_col, size.ws_row);
   for (const std::string& line : all) std::fprintf(stderr, "%s\n", line.c_str());
   if (terminal_) shown_ = all.size();
 }

@@ -7,6 +7,10 @@
 
 namespace ledgerline::launcher {
 
+/// Lines that a terminal of this size shows without a break or a scroll, so that they can be replaced: cut at its
+/// width, and no more than fit. Names and numbers are ASCII.
+std::vector<std::string> fitted(std::vector<std::string> lines, std::size_t columns, std::size_t rows);
+
 /// What a person sees while drones fly: a line per drone, rewritten in place on a terminal, one line every few seconds
 /// elsewhere. Fed with the status lines of agent and ground; on standard error.
 class Live {

@@ -24,6 +24,16 @@ TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
   EXPECT_TRUE(live.anything_in_air());
 }
 
+TEST(Live, LinesFitTheTerminal) {
+  const std::vector<std::string> all{"tello1 flies", "tello2 flies", "tello3 flies", "tello4 flies"};
+  EXPECT_EQ(fitted(all, 80, 24), all);
+  EXPECT_THAT(fitted(all, 6, 24), testing::Each(testing::StartsWith("tello")));
+  EXPECT_THAT(fitted(all, 6, 24), testing::Each(testing::SizeIs(6)));
+  EXPECT_THAT(fitted(all, 80, 4), testing::ElementsAre("tello1 flies", "tello2 flies", HasSubstr("and 2 drones more")));
+  EXPECT_THAT(fitted(all, 80, 1), testing::SizeIs(1));
+  EXPECT_TRUE(fitted({}, 1, 1).empty());
+}
+
 TEST(Live, ADroneThatItsPilotFliesIsInTheAir) {
   Live live({"tello1"}, false, 0);
   live.on_status(R"({"ground":{"drones":[{"name":"tello1","phase":"manual"}]}})");
