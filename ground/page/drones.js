@@ -37,6 +37,7 @@ export function cleaned(drone) {
     has_state: drone.has_state === true && Number.isFinite(drone.state_age_ms),
     command_age_ms: number(drone.command_age_ms),
     battery_percent: number(drone.battery_percent),
+    height_m: number(drone.height_m),
     position: numbers(drone.position, 3),
     velocity: numbers(drone.velocity, 3),
     predicted: numbers(drone.predicted, 3),
@@ -101,6 +102,7 @@ class Card {
     const [, possible, why] = ACTIONS[action];
     const others = this.#who.operators.length && HOLDERS.includes(action) ? whyNotMine(drone, this.#who) : null;
     if (action === 'takeoff' && this.fresh && isStopped(drone)) return `${this.name} is stopped: clear the stop first.`;
+    if (action === 'return' && this.fresh && !drone.position) return `${this.name} has no pose: it knows no way back.`;
     // What is stale may be wrong: then the station decides.
     return others ?? (this.fresh && !possible(drone) ? `${this.name} ${why}.` : null);
   }
@@ -153,8 +155,8 @@ class Card {
     put(fields.failsafe, calm ? 'not active' : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`);
     fields.failsafe.classList.toggle('bad', !calm);
     this.#control.show(drone, FLYING.includes(drone.phase), this.fresh);
-    const place = drone.position ? drone.position.map((each) => fixed(each, 2)).join(', ') : 'unknown';
-    put(fields.place, `${place} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s`);
+    const high = drone.height_m === null ? '' : `; ${fixed(drone.height_m, 1)} m high by its own sensor`;
+    put(fields.place, drone.position ? `${drone.position.map((each) => fixed(each, 2)).join(', ')} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s` : `no pose${high}`);
     this.#optional('stopped', (drone.stopped_by ?? []).map((each) => nameOf(each, this.#who)).join(', '));
     fields.stopped.title = (drone.stopped_by ?? []).join('; ');
     this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps.toFixed(1)} m/s`);

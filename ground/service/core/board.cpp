@@ -58,6 +58,7 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
        seen.has_state && state.arrived_ns != 0 ? json(to_ms(state.stamp_ns - state.arrived_ns + since_ns)) : json()},
       {"battery_percent", seen.has_state && state.battery >= 0 ? json(std::lround(100 * state.battery)) : json()},
       {"position", placed ? json(state.position_m) : json()},
+      {"height_m", seen.has_state ? json(state.tof_m > 0 ? state.tof_m : state.height_m) : json()},
       {"velocity", placed ? json(state.velocity_mps) : json()},
       {"yaw", placed ? json(state.yaw_rad) : json()},
       {"origin", status.origin_m},

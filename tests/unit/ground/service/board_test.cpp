@@ -70,7 +70,8 @@ TEST(Board, WarnsOfADroneThatRefusesToTakeOff) {
 TEST(Board, OfADroneThatWasNeverHeardItSaysNoNumbers) {
   const FlightWorld world(manual_config(1));
   const json drone = json::parse(Board::drones(world.now_ns, world.core))[0];
-  for (const char* key : {"position", "velocity", "yaw", "battery_percent", "state_age_ms", "command_age_ms"})
+  for (const char* key :
+       {"position", "velocity", "yaw", "battery_percent", "height_m", "state_age_ms", "command_age_ms"})
     EXPECT_TRUE(drone[key].is_null()) << key;
 }
 
