@@ -314,6 +314,23 @@ std::string Config::table_text(const std::string& key, std::initializer_list<std
   return out.str();
 }
 
+void Config::add_table(const Config& other, const std::string& key, std::initializer_list<std::string_view> without) {
+  const toml::table* from = other.state_->root.get_as<toml::table>(key);
+  if (!from) return;
+  toml::node* node = state_->root.get(key);
+  if (!node) node = &state_->root.insert(key, toml::table{}).first->second;
+  toml::table* into = node->as_table();
+  if (!into) return;  // who asks for its keys finds that out
+  for (const auto& [name, value] : *from) {
+    if (std::find(without.begin(), without.end(), name.str()) != without.end()) continue;
+    if (into->contains(name.str()))
+      state_->problem(into->get(name.str()), key + "." + std::string(name.str()),
+                      "stands in " + other.state_->name + ", too");
+    else
+      into->insert(name.str(), value);
+  }
+}
+
 void Config::skip_table(const Key& table) {
   state_->describe(table, "table", "none", "");
   if (const toml::node* node = state_->find(table.name)) state_->take_all(*node, table.name);

@@ -87,6 +87,9 @@ class Config {
   /// The [table], or all [[table]] of that name, as TOML with headings, for another program's file. Empty where there
   /// is none. `without`: keys of the [table] that are not for that program.
   std::string table_text(const std::string& key, std::initializer_list<std::string_view> without = {}) const;
+  /// Adds the keys of another file's [table] to this one's, before they are asked for; a key that both have is wrong
+  /// here. `without`: keys that are not for this file.
+  void add_table(const Config& other, const std::string& key, std::initializer_list<std::string_view> without = {});
   /// Another program checks what is in this table, which goes into its file: here none of its keys is unknown.
   void skip_table(const Key& table);
   /// What the program itself finds wrong with a key's value, for finish(): "must ...".

@@ -176,6 +176,10 @@ void read_flight(Config& config, OwnDrones& out) {
   flight.wait_ns =
       from_seconds(config.number({"flight.wait_s", "for all drones to be there before take-off, or none takes off"},
                                  to_seconds(flight.wait_ns), 1, 600));
+  const double lag_s = config.number(
+      {"flight.lag_s", "of the drones' answer to a velocity, until it was learned in flight; 0: ground's default"}, 0,
+      0, 2);
+  if (lag_s > 0) flight.lag_s = lag_s;
   flight.laps = static_cast<int>(config.integer({"flight.laps", "to fly"}, flight.laps, 1, 1000));
   if (!config.is_describing() && flight.speed_mps > static_cast<double>(out.link.playout.max_speed_mps))
     config.wrong("flight.speed_mps", "must not be above limits.speed_mps");
@@ -187,8 +191,30 @@ bool is_of_own_drones(Config& config) {
   return config.table_count({"host", "a computer; none: drones that are there already, flown from this one"}) == 0;
 }
 
+namespace {
+
+/// What a flight has measured counts as if it stood in this file.
+void add_calibration(Config& config) {
+  const Key key{
+      "calibration",
+      "without [[host]]: file that `ledgerline tello calibrate` wrote; its [rc], [pose] and [flight] count as "
+      "if they stood here"};
+  const std::string path = config.text(key, "");
+  if (path.empty()) return;
+  auto measured = Config::load(path);
+  if (!measured) return config.wrong(key.name, measured.error().message);
+  config.add_table(*measured, "rc");
+  config.add_table(*measured, "pose");
+  config.add_table(*measured, "flight", {"full_scale_mps"});  // link's says it
+  for (const char* table : {"rc", "pose", "flight"}) measured->skip_table(table);
+  if (auto status = measured->finish(); !status) config.wrong(key.name, status.error().message);
+}
+
+}  // namespace
+
 Result<OwnDrones> read_own_drones(Config& config) {
   OwnDrones out;
+  add_calibration(config);
   out.drones = read_each(config);
   read_own_ledger(config, out);
   read_pose(config, out);

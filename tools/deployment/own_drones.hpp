@@ -28,6 +28,7 @@ struct OwnFlight {
   std::string shape = "square";  ///< as --shape: a name, a file of waypoints, manual
   double side_m = 1.5, speed_mps = 0.5;
   int laps = 3;
+  std::optional<double> lag_s{};   ///< of the drones' answer to a velocity; none: ground's default, until it is learned
   TimeNs wait_ns = 30 * ns_per_s;  ///< for all drones, before take-off: a real one may be switched on meanwhile
 };
 

@@ -223,6 +223,7 @@ void add_flight(ConfigFile& out, const Options& options) {
   const bool mocap = source_for_link(pose_of(options)) == name(link::PoseSource::mocap);
   out.number(table, "full_scale_mps", std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), 3);
   out.number(table, "max_acceleration_mps2", link.playout.max_acceleration_mps2, 3);
+  if (options.own && options.own->flight.lag_s) out.number(table, "lag_s", *options.own->flight.lag_s, 3);
   out.number(table, "pose_lost_ms", to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns), 0);
   if (!options.controller.empty()) out.text(table, "controller", options.controller);
   if (!options.course_file.empty()) out.text(table, "waypoints", options.course_file);

@@ -57,6 +57,37 @@ TEST(OwnDrones, TheTablesForLinkMeanThereWhatTheyMeanHere) {
   EXPECT_FLOAT_EQ(link->link.rc.signs[0], -1.0F);
 }
 
+class Calibration : public testing::Test {
+ protected:
+  Calibration() {
+    std::ofstream(path_) << "[rc]\nfull_scale_mps = 0.8\nsigns = [-1, 1, 1, 1]\n[pose]\nvelocity_signs = [1, -1, -1]\n"
+                            "velocity_frame = \"body\"\n[flight]\nfull_scale_mps = 0.8\nlag_s = 0.31\n";
+  }
+  ~Calibration() override { std::filesystem::remove(path_); }
+  const std::string path_ = testing::TempDir() + "ledgerline_calibration_" + std::to_string(::getpid()) + ".toml";
+  const std::string key_ = "calibration = \"" + path_ + "\"\n";
+};
+
+TEST_F(Calibration, CountsAsIfItStoodInTheDeployment) {
+  const auto own = own_of(key_ + a_drone + "[pose]\nsource = \"tello\"\n" + a_fence);
+  ASSERT_TRUE(own) << own.error().message;
+  auto config = Config::parse(own->link_tables + a_drone, "link.toml");
+  ASSERT_TRUE(config) << config.error().message;
+  const auto link = link::read_settings(*config, "link.toml");
+  ASSERT_TRUE(link) << link.error().message;
+  EXPECT_FLOAT_EQ(link->link.rc.full_scale_mps, 0.8F);
+  EXPECT_FLOAT_EQ(link->link.rc.signs[0], -1.0F);
+  EXPECT_EQ(own->flight.lag_s, 0.31);
+}
+
+TEST_F(Calibration, SaysWhatStandsTwiceAndWhatCannotBeRead) {
+  EXPECT_THAT(own_error(key_ + a_drone + "[pose]\nsource = \"tello\"\nvelocity_signs = [1, 1, 1]\n" + a_fence),
+              HasSubstr("pose.velocity_signs: stands in " + path_ + ", too"));
+  EXPECT_THAT(own_error("calibration = \"/nowhere\"\n" + a_drone + from_mocap + a_fence), HasSubstr("calibration: "));
+  std::ofstream(path_, std::ios::app) << "[limits]\nspeed_mps = 8\n";
+  EXPECT_THAT(own_error(key_ + a_drone + "[pose]\nsource = \"tello\"\n" + a_fence), HasSubstr("limits"));
+}
+
 TEST(OwnDrones, WhatIsDangerousHasNoDefault) {
   EXPECT_THAT(own_error(a_drone + from_mocap), HasSubstr("fence.min_m: must be there"));
   EXPECT_THAT(own_error(a_drone + from_mocap), HasSubstr("fence.max_m: must be there"));
