@@ -210,6 +210,18 @@ void add_calibration(Config& config) {
   if (auto status = measured->finish(); !status) config.wrong(key.name, status.error().message);
 }
 
+/// So that preflight finds what link would refuse at its start.
+Status check_as_link_does(const OwnDrones& own) {
+  std::string text = own.link_tables;
+  for (const OwnDrone& drone : own.drones)
+    text += fmt::format("\n[[drone]]\nname = \"{}\"\naddress = \"{}\"\ninterface = \"{}\"\n", drone.name, drone.address,
+                        drone.interface);
+  auto config = Config::parse(text, "link.toml of this deployment");
+  if (!config) return config.error();
+  const auto settings = link::read_settings(*config, "link.toml of this deployment");
+  return settings ? done : Status(settings.error());
+}
+
 }  // namespace
 
 Result<OwnDrones> read_own_drones(Config& config) {
@@ -221,6 +233,7 @@ Result<OwnDrones> read_own_drones(Config& config) {
   read_fence_and_limits(config, out);
   read_flight(config, out);
   if (auto status = config.finish(); !status) return status.error();
+  if (const Status fits = check_as_link_does(out); !fits) return fits.error();
   return out;
 }
 

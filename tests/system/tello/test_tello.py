@@ -129,7 +129,7 @@ def test_bytes_of_any_kind_end_nothing_and_reach_no_terminal():
 
 def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
     file = tmp_path / "real.toml"
-    file.write_text('[pose]\nsource = "tello"\n[fence]\nmin_m = [-3, -3, 0]\nmax_m = [3, 3, 2]\n'
+    file.write_text('[pose]\nsource = "tello"\nvelocity_signs = [1, -1, -1]\n[fence]\nmin_m = [-3, -3, 0]\nmax_m = [3, 3, 2]\n'
                     '[[drone]]\nname = "a"\naddress = "127.0.0.2"\nserial = "0TQDG00SIM0001"\n'
                     '[[drone]]\nname = "b"\naddress = "127.0.0.3"\nserial = "0TQDG00SIM0009"\nstart_m = [1, 0, 0]\n')
     words = ("preflight", "--deployment", str(file), "--seconds", "1.5")
@@ -148,6 +148,9 @@ def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
             another.bind(("0.0.0.0", 8890))
             taken = tello(*words)
             assert (taken.returncode, taken.stdout) == (1, "") and "8890" in taken.stderr
+    file.write_text(file.read_text().replace("velocity_signs", "# velocity_signs"))
+    without_signs = tello(*words)
+    assert without_signs.returncode == 2 and "pose.velocity_signs" in without_signs.stderr, "as the flight would be refused"
     file.write_text("[fence]\n")
     broken = tello(*words)
     assert broken.returncode == 2 and "pose.source" in broken.stderr

@@ -80,6 +80,11 @@ TEST_F(Calibration, CountsAsIfItStoodInTheDeployment) {
   EXPECT_EQ(own->flight.lag_s, 0.31);
 }
 
+TEST(OwnDrones, WhatLinkWouldRefuseAtItsStartIsRefusedHere) {
+  EXPECT_THAT(own_error(a_drone + "[pose]\nsource = \"tello\"\n" + a_fence),
+              HasSubstr("link.toml of this deployment: pose.velocity_signs"));
+}
+
 TEST_F(Calibration, SaysWhatStandsTwiceAndWhatCannotBeRead) {
   EXPECT_THAT(own_error(key_ + a_drone + "[pose]\nsource = \"tello\"\nvelocity_signs = [1, 1, 1]\n" + a_fence),
               HasSubstr("pose.velocity_signs: stands in " + path_ + ", too"));
@@ -149,7 +154,8 @@ TEST(OwnDrones, DronesBehindInterfacesOfTheirOwnMayShareAnAddress) {
 }
 
 TEST(OwnDrones, AnotherSourceOfPosesGoesToLinkAsItStands) {
-  const auto own = own_of(a_drone + a_fence + "[pose]\nsource = \"tello\"\nflow_mps = 0.1\n");
+  const auto own =
+      own_of(a_drone + a_fence + "[pose]\nsource = \"tello\"\nvelocity_signs = [1, -1, -1]\nflow_mps = 0.1\n");
   ASSERT_TRUE(own) << own.error().message;
   EXPECT_THAT(own->link_tables, HasSubstr("[pose]\n"));
   EXPECT_THAT(own->link_tables, HasSubstr("flow_mps = 0.1"));
