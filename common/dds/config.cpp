@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/dds/reach.hpp"
+#include "common/msg/ros_releases.hpp"
 
 namespace ledgerline::dds {
 namespace {

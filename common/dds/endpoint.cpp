@@ -12,6 +12,7 @@
 #include "common/dds/dds.hpp"
 #include "common/dds/reach.hpp"
 #include "common/msg/cdr.hpp"
+#include "common/msg/ros_releases.hpp"
 
 namespace ledgerline::dds {
 namespace {

@@ -12,6 +12,7 @@
 #include <filesystem>
 
 #include "common/base/text.hpp"
+#include "common/msg/ros_releases.hpp"
 
 namespace ledgerline::dds {
 namespace {

@@ -7,8 +7,8 @@
 #include <set>
 #include <sstream>
 
-#include "common/dds/reach.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/msg/ros_releases.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "ground/shell/path_file.hpp"
@@ -206,7 +206,7 @@ void add_run_options(CommandLine& line, Options& o) {
   line.option("--ros-release", o.ros_release,
               "ROS 2's release on this machine: how its nodes are met here and how ours are announced (default: "
               "ROS_DISTRO's form)")
-      .one_of(dds::ros_releases())
+      .one_of(ros_releases())
       .excludes(dds_file)
       .in_help_all();
   line.option("--seed", o.seed, "Of wind and sensor noise").shows_default();
