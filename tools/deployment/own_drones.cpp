@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <set>
@@ -214,8 +215,9 @@ void add_calibration(Config& config) {
 Status check_as_link_does(const OwnDrones& own) {
   std::string text = own.link_tables;
   for (const OwnDrone& drone : own.drones)
-    text += fmt::format("\n[[drone]]\nname = \"{}\"\naddress = \"{}\"\ninterface = \"{}\"\n", drone.name, drone.address,
-                        drone.interface);
+    text += fmt::format(
+        "\n[[drone]]\nname = \"{}\"\naddress = \"{}\"\ninterface = \"{}\"\nstart_m = [{}]\nstart_yaw_rad = {}\n",
+        drone.name, drone.address, drone.interface, fmt::join(drone.start_m, ", "), drone.start_yaw_rad);
   auto config = Config::parse(text, "link.toml of this deployment");
   if (!config) return config.error();
   const auto settings = link::read_settings(*config, "link.toml of this deployment");

@@ -297,10 +297,10 @@ def test_what_was_not_measured_is_reported_and_measured_again(tmp_path, monkeypa
 
 
 def scripted(place, name: str, text: str) -> None:
-    """A program that is a script."""
+    """A verb that is a script."""
     place.work.mkdir(exist_ok=True)
-    file = place.programs / f"ledgerline-{name}"
-    file.write_text("#!/bin/sh\n" + text + "\n")
+    file = place.programs / "ledgerline"
+    file.write_text(f'#!/bin/sh\n[ "$1" = {name} ] || exit 99\nshift\n{text}\n')
     file.chmod(0o755)
 
 
@@ -383,8 +383,9 @@ def test_a_client_that_is_missing_in_the_answer_is_named(place, tmp_path, answer
 
 def test_figures_of_other_programs_or_scripts_are_others(place, tmp_path, monkeypatch):
     before = runs.digest(place, "hosts")
-    for name in ("roudi", "control"):
-        (place.programs / f"ledgerline-{name}").write_text("one")
+    for path in (place.programs / "ledgerline-roudi", place.programs.parent / "libexec/ledgerline/ledgerline-station"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("one")
         assert runs.digest(place, "hosts") != before
         before = runs.digest(place, "hosts")
     for kind, script in (("hosts", "hosts.py"), ("exchange", "client.cjs")):

@@ -59,7 +59,7 @@ def test_three_hosts_bring_their_parts_one_after_the_other(tmp_path):
         for one, network in zip(before, networks):
             one.update(network.directory)
         # The host of Org1 as the last: the others wait for it.
-        upgrades = [subprocess.Popen(spaces[k].command(before[k].fabric, "upgrade", "--dir", networks[k].directory, "--tools", FABRIC),
+        upgrades = [subprocess.Popen(spaces[k].command(before[k].fabric, "fabric", "upgrade", "--dir", networks[k].directory, "--tools", FABRIC),
                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) for k in (2, 1, 0)]
         for upgrade in upgrades:
             said, _ = upgrade.communicate(timeout=TIMEOUT_S)
