@@ -15,6 +15,7 @@
 #include <exception>
 #include <filesystem>
 #include <iostream>
+#include <system_error>
 #include <utility>
 
 #include "common/base/file.hpp"
@@ -57,6 +58,9 @@ void report_uncaught_file_errors() {
     } catch (const std::filesystem::filesystem_error& error) {
       const std::string path = error.path1().empty() ? "the working folder" : error.path1().string();
       std::fprintf(stderr, "error: %s: %s\n", path.c_str(), error.code().message().c_str());
+      std::_Exit(exit_failed);
+    } catch (const std::system_error& error) {  // fmt's, of an output that takes no more
+      std::fprintf(stderr, "error: %s\n", error.what());
       std::_Exit(exit_failed);
     } catch (...) {  // anything else ends as without this
     }

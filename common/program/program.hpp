@@ -37,8 +37,8 @@ int fail(const Error& error, int exit_code = exit_failed);
 int exit_code(const Status& ended);
 int exit_code(const Result<bool>& ended);
 
-/// From here on, what std::filesystem throws and nobody catches (its working folder is gone, a disk fails) ends the
-/// program with exit_failed, and with path and reason on standard error. CommandLine::parse() calls it.
+/// From here on, what std::filesystem or fmt throws and nobody catches (its working folder is gone, a disk fails) ends
+/// the program with exit_failed, and with path and reason on standard error. CommandLine::parse() calls it.
 void report_uncaught_file_errors();
 
 /// From here on, a program that ends as it should, but whose standard output (a file on a full disk) did not take all

@@ -34,7 +34,8 @@ def commands() -> list[tuple[list, list[str]]]:
     """Each verb, and each verb of a verb, with its options."""
     found = []
     for verb in completions(""):
-        if verb in ("completion", "help", "version", "experiment"):  # the last is a script that builds
+        # `experiment` is a script that builds; two RouDis that start in one moment are ended by iceoryx itself.
+        if verb in ("completion", "help", "version", "experiment", "roudi"):
             continue
         found.append(([BIN / "ledgerline", verb], completions(verb, "--")))
         for below in completions(verb, ""):
