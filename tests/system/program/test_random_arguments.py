@@ -18,12 +18,12 @@ SEED = int(os.environ.get("LEDGERLINE_SEED", "1"))
 ASK_S, END_S = 2, 60
 JUNK = ["", "-", "--", "-1", "0", "1", "65536", "99999999999999999999", "1e308", "nan", "inf", "0x10", "1..9", "9..1", "1,2", ",", "=", "a=b", "*", "tello1",
         "tello1/*", "../..", "Org1MSP", "127.0.0.1:1", "[::1]:0", "http://", "https://127.0.0.1:1/", "10ms", "on", "none", "manual", "\t", "\n", "%s%n", "ä", "\udcff\udcfe",
-        "x" * 300, "x" * 70_000, "{}", "[", "\"", "'", "$(true)", "2026-11-29T01:02:03Z", "/", "/dev/null", "/nowhere/at/all"]
-VARIABLES = {"HOME": ["", "/nowhere", "relative"], "LANG": ["C", "tr_TR.UTF-8", "x"], "LC_ALL": ["C", "de_DE.UTF-8"], "TMPDIR": ["/nowhere", ""],
-             "LEDGERLINE_LOG": ["trace", "x", ""], "LEDGERLINE_STATION": ["http://127.0.0.1:1", "x", ""], "LEDGERLINE_TOKEN_FILE": ["/nowhere", "/", ""],
-             "LEDGERLINE_CA": ["/dev/null", "x"], "XDG_RUNTIME_DIR": ["/nowhere", ""], "ROS_DOMAIN_ID": ["0", "233", "-1", "x", ""], "ROS_DISTRO": ["humble", "x"],
-             "CYCLONEDDS_URI": ["x", "<a>", "file:///nowhere"], "CHAINCODE_ID": ["x", ""], "NOTIFY_SOCKET": ["/nowhere", "@"], "WATCHDOG_USEC": ["x", "1"],
-             "PATH": ["", "/nowhere"], "COLUMNS": ["1", "x"], "TERM": ["dumb", "x"]}
+        "x" * 300, "x" * 70_000, "{}", "[", "\"", "'", "$(true)", "2026-11-29T01:02:03Z", "/proc/nowhere/at/all"]
+VARIABLES = {"HOME": ["", "/proc/nowhere", "relative"], "LANG": ["C", "tr_TR.UTF-8", "x"], "LC_ALL": ["C", "de_DE.UTF-8"], "TMPDIR": ["/proc/nowhere", ""],
+             "LEDGERLINE_LOG": ["trace", "x", ""], "LEDGERLINE_STATION": ["http://127.0.0.1:1", "x", ""], "LEDGERLINE_TOKEN_FILE": ["/proc/nowhere", ""],
+             "LEDGERLINE_CA": ["/dev/null", "x"], "XDG_RUNTIME_DIR": ["/proc/nowhere", ""], "ROS_DOMAIN_ID": ["0", "233", "-1", "x", ""], "ROS_DISTRO": ["humble", "x"],
+             "CYCLONEDDS_URI": ["x", "<a>", "file:///proc/nowhere"], "CHAINCODE_ID": ["x", ""], "NOTIFY_SOCKET": ["/proc/nowhere", "@"], "WATCHDOG_USEC": ["x", "1"],
+             "PATH": ["", "/proc/nowhere"], "COLUMNS": ["1", "x"], "TERM": ["dumb", "x"]}
 
 
 def completions(*words: str) -> list[str]:
@@ -66,7 +66,7 @@ def case(number: int, known: list, files: list[str], home: pathlib.Path) -> str:
         value = dice.choice(JUNK + 3 * files)
         word = dice.choice(options) if options and dice.random() < 0.6 else value
         words += [word, value] if word.startswith("--") and dice.random() < 0.7 else [word]
-    environment = {"PATH": os.environ["PATH"], "LEDGERLINE_BIN": "/nowhere"}  # nothing is started by what is random
+    environment = {"PATH": os.environ["PATH"], "LEDGERLINE_BIN": "/proc/nowhere"}  # nothing is started by what is random
     for name in dice.sample(sorted(VARIABLES), dice.choice((0, 0, 1, 3))):
         environment[name] = dice.choice(VARIABLES[name])
     here = home / str(number)
