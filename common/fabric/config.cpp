@@ -152,6 +152,14 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   return out;
 }
 
+Result<ClientConfig> load_ledger_config(const std::string& file) {
+  auto config = Config::load(file);
+  if (!config) return config.error();
+  auto ledger = ledger_config(*config);
+  if (auto status = config->finish(); !status) return status.error();
+  return ledger;
+}
+
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
   const crypto::Library verifier = library_of(config, verifier_key(), "libcrypto");
   // All keys first: what is not asked for would be reported as unknown.

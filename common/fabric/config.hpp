@@ -1,5 +1,6 @@
 #pragma once
 #include <memory>
+#include <string>
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
@@ -15,6 +16,9 @@ namespace ledgerline::fabric {
 /// identity. Wrong keys are reported by config.finish() as always, so call that first when this fails: it has the
 /// lines.
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline = std::chrono::seconds(5));
+
+/// Of a file with nothing else in it: what Config::finish() finds is an error, too.
+Result<ClientConfig> load_ledger_config(const std::string& file);
 
 /// For the log of a program that acts on blocks, where config_block is empty.
 inline constexpr const char* blocks_not_validated =

@@ -271,9 +271,8 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
 }
 
 bool FlightCore::is_on_ground(std::size_t index) const {
-  const DronePhase phase = drones_[index]->status.phase;
   const IntakeState& seen = intake_.of(index);
-  return !is_in_air(phase) && phase != DronePhase::landing && seen.has_state && on_ground(seen.state.phase);
+  return !is_flown(drones_[index]->status.phase) && seen.has_state && on_ground(seen.state.phase);
 }
 
 Status FlightCore::check_holder(const PilotCommand& command) const {

@@ -90,9 +90,9 @@ class FlightCore {
   void on_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
   void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
-  /// The error says who holds the lease, where it is not who commands. Landings and stops are anybody's.
-  /// As far as it is known: what is not heard is not.
+  /// As far as it is known: a drone of which nothing is heard is not.
   bool is_on_ground(std::size_t index) const;
+  /// The error says who holds the lease, where it is not who commands. Landings and stops are anybody's.
   Status check_holder(const PilotCommand& command) const;
   void refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
   void add_note(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);

@@ -5,7 +5,6 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/file.hpp"
-#include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -45,10 +44,7 @@ Result<Plan> make_plan(const Options& options) {
   plan.trust.channel = options.channel;
   plan.asked.source = options.blocks;
   if (!options.config.empty()) {
-    auto config = Config::load(options.config);
-    if (!config) return config.error();
-    auto ledger = fabric::ledger_config(*config);
-    if (auto status = config->finish(); !status) return status.error();
+    auto ledger = fabric::load_ledger_config(options.config);
     if (!ledger) return ledger.error();
     plan.trust.channel = ledger->where.channel;
     plan.trust.anchor = ledger->config_block;

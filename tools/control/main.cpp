@@ -246,10 +246,7 @@ Status show_live(fabric::Client& client, const Options& options) {
 }
 
 Status call_contract(const Options& options) {
-  auto config = Config::load(options.config);
-  if (!config) return config.error();
-  auto ledger = fabric::ledger_config(*config);
-  if (auto status = config->finish(); !status) return status;
+  auto ledger = fabric::load_ledger_config(options.config);
   if (!ledger) return ledger.error();
   const std::string own_msp_id = ledger->identity.name.msp_id;
   auto client = fabric::Client::create(verification::for_contract(std::move(ledger).value()));

@@ -48,15 +48,18 @@ LedgerAccess access_of(const RunFiles& files, const std::string& endpoint, int o
           .config_block = files.in("ledger/teleop.block")};
 }
 
+Server endorser_of(const RunFiles& files, std::size_t organisation, const std::string& at) {
+  const int number = static_cast<int>(organisation);
+  return {msp_id_of(number), at, "", tls_ca(files, number)};
+}
+
 /// With a peer of each organisation, whose answers a receipt needs.
 std::string control_config(const RunFiles& files, const LedgerPlaces& places, int organisation,
                            const std::string& user) {
   ConfigFile out;
   LedgerAccess access = access_of(files, places.endpoint, organisation, user);
-  for (std::size_t k = 1; k <= places.peers.size(); ++k) {
-    const int number = static_cast<int>(k);
-    access.endorsers.push_back({msp_id_of(number), places.peers[k - 1], "", tls_ca(files, number)});
-  }
+  for (std::size_t k = 1; k <= places.peers.size(); ++k)
+    access.endorsers.push_back(endorser_of(files, k, places.peers[k - 1]));
   add_ledger(out, access);
   return out.plain();
 }
@@ -304,10 +307,6 @@ namespace {
 /// Agent's and ground's way to a ledger that the flight has started.
 LedgerAccess follower_access(const RunFiles& files, const Options& options, const LedgerPlaces& places,
                              const Proxied& proxied, const std::string& program) {
-  const auto endorser = [&](std::size_t organisation, const std::string& at) {
-    const int number = static_cast<int>(organisation);
-    return Server{msp_id_of(number), at, "", tls_ca(files, number)};
-  };
   LedgerAccess access = access_of(files, place(proxied, program, places.endpoint), program == "agent" ? 1 : 2, "User1");
   access.timeouts = deployment::timeout_with(both_ways(options));
   for (std::size_t i = 0; !options.gateway && i < places.orderers.size(); ++i)
@@ -315,9 +314,10 @@ LedgerAccess follower_access(const RunFiles& files, const Options& options, cons
         {"", place(proxied, orderer_name(program, i), places.orderers[i]), "",
          files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem")});
   if (!places.own_endorser.empty() && !(options.endorser_within && program == "agent"))
-    access.endorsers.push_back(endorser(1, place(proxied, own_endorser_name(program), places.own_endorser)));
+    access.endorsers.push_back(endorser_of(files, 1, place(proxied, own_endorser_name(program), places.own_endorser)));
   for (std::size_t k = 1; !options.gateway && k <= places.peers.size(); ++k)
-    access.endorsers.push_back(endorser(k, k == 1 ? place(proxied, program, places.endpoint)
+    access.endorsers.push_back(endorser_of(files, k,
+                                           k == 1 ? place(proxied, program, places.endpoint)
                                                   : place(proxied, endorser_name(program, k), places.peers[k - 1])));
   for (int k = 1; k <= 3; ++k)
     access.msps.emplace_back(msp_id_of(k),

@@ -116,8 +116,6 @@ std::optional<json> value_of(const Asset& asset) {
   return std::nullopt;
 }
 
-void add_lines(const json& value, std::size_t indent, std::string& out);
-
 /// An array of numbers stays in one line.
 bool is_flat(const json& value) {
   return !value.is_structured() || value.empty() ||

@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "common/config/config.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
@@ -34,18 +33,14 @@ void print(const Options& options, const json& value) {
     fmt::print("{}", ledger::lines(value));
 }
 
-Result<fabric::ClientConfig> read_config(const Options& options) {
-  auto config = Config::load(options.config);
+Result<std::unique_ptr<fabric::Client>> connect(const Options& options) {
+  auto config = fabric::load_ledger_config(options.config);
   if (!config) return config.error();
-  auto ledger = fabric::ledger_config(*config);
-  if (auto status = config->finish(); !status) return status.error();
-  return ledger;
+  return fabric::Client::create(std::move(*config));
 }
 
 Status get(const Options& options) {
-  auto config = read_config(options);
-  if (!config) return config.error();
-  const auto client = fabric::Client::create(std::move(*config));
+  const auto client = connect(options);
   if (!client) return client.error();
   json assets = json::array();
   const auto evaluate = [&](const fabric::Call& call) { return (*client)->evaluate(call); };
@@ -60,9 +55,7 @@ Status get(const Options& options) {
 }
 
 Status history(const Options& options) {
-  auto config = read_config(options);
-  if (!config) return config.error();
-  const auto client = fabric::Client::create(std::move(*config));
+  const auto client = connect(options);
   if (!client) return client.error();
   std::vector<Version> versions;
   QueryCall asked;
@@ -99,7 +92,7 @@ Status transaction(const Options& options) {
   std::optional<json> found;
   std::string damage;
   if (options.blocks.empty()) {
-    auto config = read_config(options);
+    auto config = fabric::load_ledger_config(options.config);
     if (!config) return config.error();
     const std::string channel = config->where.channel;
     const auto peer = fabric::PeerQueries::create(std::move(*config));

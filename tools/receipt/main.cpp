@@ -7,7 +7,6 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/common.pb.h"
-#include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/receipt/receipt.hpp"
@@ -118,10 +117,7 @@ Status check_by_config(const std::string& config_block, const std::string& bytes
 }
 
 Status make(const Options& options) {
-  auto config = Config::load(options.config);
-  if (!config) return config.error();
-  auto ledger = fabric::ledger_config(*config);
-  if (auto status = config->finish(); !status) return status;
+  auto ledger = fabric::load_ledger_config(options.config);
   if (!ledger) return ledger.error();
   const std::string config_block = ledger->config_block;
   const auto asked = fabric::collect_receipt(std::move(ledger).value(), options.transaction);

@@ -7,6 +7,8 @@
 namespace ledgerline::ground {
 
 constexpr bool is_in_air(DronePhase phase) { return phase >= DronePhase::takeoff && phase <= DronePhase::manual; }
+/// Or on its way down.
+constexpr bool is_flown(DronePhase phase) { return is_in_air(phase) || phase == DronePhase::landing; }
 
 /// On the ground link says what speaks against a take-off. A stop it keeps until the next take-off command; whether
 /// that is allowed says the ledger.

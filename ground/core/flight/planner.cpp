@@ -87,7 +87,7 @@ void Planner::observe(bool same_boot) {
 bool Planner::needs_plan() const {
   const DronePhase phase = status_.phase;
   const StateSample& state = seen_.state;
-  if (!(is_in_air(phase) || phase == DronePhase::landing) || !lease_.may_command) return false;
+  if (!is_flown(phase) || !lease_.may_command) return false;
   // What is done already is not asked for again: that plan would come too late to mean anything.
   if (state.phase == FlightPhase::landing && phase == DronePhase::landing) return false;
   if (state.phase == FlightPhase::taking_off && phase == DronePhase::takeoff) return false;

@@ -105,9 +105,8 @@ std::vector<std::size_t> SignIns::expire(TimeNs now) {
 }
 
 bool is_aloft(const FlightView& flights, std::size_t drone) {
-  const DronePhase phase = flights.status(drone).phase;
   const IntakeState& seen = flights.intake(drone);
-  return is_in_air(phase) || phase == DronePhase::landing || (seen.has_state && in_flight(seen.state.phase));
+  return is_flown(flights.status(drone).phase) || (seen.has_state && in_flight(seen.state.phase));
 }
 
 std::vector<std::size_t> aloft_of(const FlightView& flights) {

@@ -254,12 +254,9 @@ json check(const std::map<std::uint64_t, fabric::Outcome>& outcomes,
 }
 
 Result<std::unique_ptr<fabric::Client>> connect(const std::string& file) {
-  auto config = Config::load(file);
-  if (!config) return config.error();
-  auto client = fabric::ledger_config(*config);
-  if (Status s = config->finish(); !s) return s.error();
-  if (!client) return client.error();
-  return fabric::Client::create(std::move(*client));
+  auto ledger = fabric::load_ledger_config(file);
+  if (!ledger) return ledger.error();
+  return fabric::Client::create(std::move(*ledger));
 }
 
 void say(const json& line) {
