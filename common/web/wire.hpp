@@ -1,75 +1,105 @@
 #pragma once
+#include <array>
+#include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ssl/context.hpp>
-#include <boost/asio/ssl/stream.hpp>
+#include <boost/asio/ssl/stream_base.hpp>
+#include <boost/beast/core/role.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
-#include <boost/beast/websocket/teardown.hpp>
+#include <cstddef>
+#include <functional>
 #include <memory>
-#include <optional>
 #include <utility>
 
 namespace ledgerline::web {
 
-/// A connection of TCP, with or without TLS on it, as one type for Beast: what is written for one serves both, and is
-/// compiled once. Beside the stream's own functions there is tcp(), which has the time-outs. Movable; one thread.
+/// A connection of TCP, with or without TLS on it, as one type for Beast. Buffers and handlers are of one type, too, so
+/// that Asio's operations are compiled here alone and not once for each of Beast's. Beside the stream's own functions
+/// there is tcp(), which has the time-outs. Handlers run on the io_context's thread, and it has one. Movable.
 class Wire {
  public:
   using executor_type = boost::beast::tcp_stream::executor_type;
 
   /// `tls`: null for none. It need not outlive the wire.
-  template <typename Socket>
-  Wire(Socket&& socket, boost::asio::ssl::context* tls) : parts_(new Parts{.tcp = Tcp(std::forward<Socket>(socket))}) {
-    if (tls) parts_->tls.emplace(parts_->tcp, *tls);
-  }
+  Wire(boost::asio::ip::tcp::socket socket, boost::asio::ssl::context* tls);
+  Wire(boost::asio::io_context& io, boost::asio::ssl::context* tls);
+  ~Wire();
+  Wire(Wire&&) noexcept;
+  Wire& operator=(Wire&&) noexcept;
 
-  boost::beast::tcp_stream& tcp() { return parts_->tcp; }
-  boost::beast::tcp_stream& next_layer() { return parts_->tcp; }  ///< for Beast: the lowest one
-  executor_type get_executor() { return parts_->tcp.get_executor(); }
+  boost::beast::tcp_stream& tcp();
+  boost::beast::tcp_stream& next_layer() { return tcp(); }  ///< for Beast: the lowest one
+  executor_type get_executor();
   /// Null: without TLS.
-  SSL* tls() { return parts_->tls ? parts_->tls->native_handle() : nullptr; }
+  SSL* tls();
 
+  using Ended = std::function<void(boost::beast::error_code)>;
   /// Of TLS alone.
-  template <typename Handler>
-  void async_handshake(boost::asio::ssl::stream_base::handshake_type side, Handler&& handler) {
-    parts_->tls->async_handshake(side, std::forward<Handler>(handler));
-  }
+  void async_handshake(boost::asio::ssl::stream_base::handshake_type side, Ended ended);
   /// Says that nothing more comes, and waits for the same from the other side.
-  template <typename Handler>
-  void async_shutdown(Handler&& handler) {
-    parts_->tls->async_shutdown(std::forward<Handler>(handler));
-  }
+  void async_shutdown(Ended ended);
 
   template <typename Buffers, typename Handler>
   void async_read_some(const Buffers& buffers, Handler&& handler) {
-    if (parts_->tls)
-      parts_->tls->async_read_some(buffers, std::forward<Handler>(handler));
-    else
-      parts_->tcp.async_read_some(buffers, std::forward<Handler>(handler));
+    read_some(First<boost::asio::mutable_buffer>(buffers), as_one_type(std::forward<Handler>(handler)));
   }
   template <typename Buffers, typename Handler>
   void async_write_some(const Buffers& buffers, Handler&& handler) {
-    if (parts_->tls)
-      parts_->tls->async_write_some(buffers, std::forward<Handler>(handler));
-    else
-      parts_->tcp.async_write_some(buffers, std::forward<Handler>(handler));
+    write_some(First<boost::asio::const_buffer>(buffers), as_one_type(std::forward<Handler>(handler)));
   }
 
  private:
-  using Tcp = boost::beast::tcp_stream;
-  struct Parts {
-    Tcp tcp;
-    std::optional<boost::asio::ssl::stream<Tcp&>> tls{};
+  using Transferred = std::function<void(boost::beast::error_code, std::size_t)>;
+
+  /// The first that hold something: what is left is transferred by the next operation.
+  template <typename Buffer>
+  class First {
+   public:
+    using value_type = Buffer;
+    using const_iterator = const Buffer*;
+
+    template <typename Buffers>
+    explicit First(const Buffers& buffers) {
+      auto one = boost::asio::buffer_sequence_begin(buffers);
+      const auto end = boost::asio::buffer_sequence_end(buffers);
+      for (; one != end && count_ < first_.size(); ++one) {
+        if (const Buffer buffer(*one); buffer.size() > 0) first_[count_++] = buffer;
+      }
+    }
+    const_iterator begin() const { return first_.data(); }
+    const_iterator end() const { return first_.data() + count_; }
+
+   private:
+    std::array<Buffer, 16> first_{};
+    std::size_t count_ = 0;
   };
-  std::unique_ptr<Parts> parts_;  // TLS refers to TCP, so they do not move
+
+  // Beast's handlers are moved and never copied, which std::function does not take.
+  template <typename Handler>
+  static Transferred as_one_type(Handler&& handler) {
+    auto held = std::make_shared<std::decay_t<Handler>>(std::forward<Handler>(handler));
+    return [held = std::move(held)](boost::beast::error_code error, std::size_t bytes) {
+      auto called = std::move(*held);
+      called(error, bytes);
+    };
+  }
+
+  void read_some(const First<boost::asio::mutable_buffer>& buffers, Transferred transferred);
+  void write_some(const First<boost::asio::const_buffer>& buffers, Transferred transferred);
+
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
 };
 
 /// How Beast's WebSocket ends its connection.
+void end_wire(boost::beast::role_type role, Wire& wire, Wire::Ended ended);
 template <typename Handler>
 void async_teardown(boost::beast::role_type role, Wire& wire, Handler&& handler) {
-  if (wire.tls())
-    wire.async_shutdown(std::forward<Handler>(handler));
-  else
-    boost::beast::websocket::async_teardown(role, wire.tcp().socket(), std::forward<Handler>(handler));
+  auto held = std::make_shared<std::decay_t<Handler>>(std::forward<Handler>(handler));
+  end_wire(role, wire, [held = std::move(held)](boost::beast::error_code error) {
+    auto called = std::move(*held);
+    called(error);
+  });
 }
 
 }  // namespace ledgerline::web

@@ -155,7 +155,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     socket_.async_close(reason, [self = shared_from_this()](beast::error_code) {});
   }
 
-  websocket::stream<web::Wire> socket_;
+  websocket::stream<web::Wire, false> socket_;
   Hub& hub_;
   const StreamPlaces places_;
   const std::optional<SignIns::Session> session_;

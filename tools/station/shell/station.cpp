@@ -142,7 +142,7 @@ Result<std::string> Station::request(const Request& request) {
 }
 
 Result<double> Station::now_ms() {
-  websocket::stream<web::Wire> stream(client_->io, client_->tls.get());
+  websocket::stream<web::Wire, false> stream(client_->io, client_->tls.get());
   if (const Trouble trouble = client_->connect(place_, stream.next_layer()); !trouble.empty())
     return not_reached(place_, trouble);
   stream.next_layer().tcp().expires_after(timeout);
