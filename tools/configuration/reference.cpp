@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <iterator>
 
 #include "chaincode/endorser/shell/settings.hpp"
 #include "chaincode/network/options.hpp"
@@ -128,9 +129,9 @@ const std::vector<Source>& sources() {
        [](Config& config) { return status_of(network::read_options(config, network::Options{})); }},
       {"deployment",
        "`deployment.toml`: [which hosts, drones, ledger](three-machines.md#what-is-where). A file without `[[host]]` "
-       "has `[[drone]]`, `[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are "
-       "there "
-       "already](fly.md#real-drones).",
+       "describes [drones that are there already](fly.md#real-drones): only there are `[pose]`, `[fence]`, `[rc]`, "
+       "`[limits]`, `[flight]`, kind `existing` with `agent`, `ground`, `admin`, and a drone's keys from `interface` "
+       "on.",
        {},
        read_deployment},
       {ledger,
@@ -174,10 +175,43 @@ std::string cell(std::string text) {
   return text;
 }
 
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() || word.empty() ? "" : ", ") + word;
+  return text;
+}
+
+// The other choices than the default.
+std::string other_choices(const KeyDescription& key) {
+  std::vector<std::string> others;
+  for (const std::string& choice : key.choices)
+    if (choice != key.usual && '"' + choice + '"' != key.usual) others.push_back(choice);
+  return joined(others);
+}
+
+// Type, default and range, as an engineer expects them: `100 ms, 20 to 60000`, `"mocap"; or tello, pads`,
+// `text, required`.
+std::string value_of(const KeyDescription& key) {
+  const std::string usual = key.usual.empty() ? "required" : key.usual;
+  const std::string unit = key.unit.empty() ? "" : " " + key.unit;
+  const std::string whole = key.type == "whole number" ? "whole, " : "";
+  if (!key.choices.empty()) return usual + "; or " + other_choices(key);
+  const bool is_number = usual.find_first_not_of("-0123456789.e") == std::string::npos;
+  if (key.type == "number" || !whole.empty())
+    return joined({usual + (is_number ? unit : ""), whole + key.allowed + (is_number ? "" : unit)});
+  if (key.type == "numbers") {
+    if (key.usual.starts_with("[") && key.usual != "[]") return usual + unit;
+    return joined({fmt::format("{} numbers{}", key.max.value_or(0), unit.empty() ? "" : " in" + unit),
+                   key.usual == "[]" || key.usual == "none" ? "" : usual});
+  }
+  if (key.type == "texts") return joined({"list", key.usual == "[]" || key.usual == "none" ? "" : usual, key.allowed});
+  if (key.type == "true or false" && (usual.starts_with("true") || usual.starts_with("false"))) return usual;
+  if (key.usual.starts_with("\"")) return usual;
+  return joined({key.type, key.usual == "none" ? "" : usual});
+}
+
 std::string row(const KeyDescription& key) {
-  const std::string type = key.unit.empty() ? key.type : key.type + ", " + key.unit;
-  return fmt::format("| `{}` | {} | {} | {} | {} |\n", key.key, type,
-                     cell(key.usual.empty() ? "must be there" : key.usual), cell(key.allowed), cell(key.about));
+  return fmt::format("| `{}` | {} | {} |\n", key.key, cell(value_of(key)), cell(key.about));
 }
 
 std::string anchor(std::string name) {
@@ -219,6 +253,33 @@ Status check(const std::string& part, Config& config) {
   return rest;
 }
 
+namespace {
+
+std::vector<KeyDescription> keys_of(const Part& part, const std::string& table) {
+  std::vector<KeyDescription> keys;
+  std::copy_if(part.keys.begin(), part.keys.end(), std::back_inserter(keys),
+               [&](const KeyDescription& key) { return key.table == table; });
+  return keys;
+}
+
+bool same_words(const KeyDescription& a, const KeyDescription& b) {
+  return a.key == b.key && a.usual == b.usual && a.allowed == b.allowed && a.about == b.about;
+}
+
+// The part before this one whose table of this name is the same, key by key; "": none.
+std::string same_table_before(const std::vector<Part>& all, const Part& part, const std::string& table) {
+  const std::vector<KeyDescription> own = keys_of(part, table);
+  for (const Part& other : all) {
+    if (other.name == part.name) break;
+    const std::vector<KeyDescription> theirs = keys_of(other, table);
+    if (own.size() > 1 && std::equal(own.begin(), own.end(), theirs.begin(), theirs.end(), same_words))
+      return other.name;
+  }
+  return "";
+}
+
+}  // namespace
+
 std::string show(const Part& part) {
   std::string text = fmt::format("## {}\n{}\n", part.name, part.words);
   for (const std::string& shared : part.shared) {
@@ -227,19 +288,22 @@ std::string show(const Part& part) {
   }
   if (!part.shared.empty()) text += ".\n";
   if (part.keys.empty()) return text;
-  text += "\n| key | type | default | allowed | what it does, and why so |\n| --- | --- | --- | --- | --- |\n";
+  text += "\n| key | value | what it does |\n| --- | --- | --- |\n";
   std::vector<std::string> tables;
   for (const KeyDescription& key : part.keys) {
     if (std::find(tables.begin(), tables.end(), key.table) == tables.end()) tables.push_back(key.table);
   }
+  const std::vector<Part> all = parts();
   for (const std::string& table : tables) {
-    const auto in_table = [&](const KeyDescription& key) { return key.table == table; };
-    const auto about = std::find_if(part.keys.begin(), part.keys.end(),
-                                    [&](const auto& key) { return in_table(key) && key.key.empty(); });
-    if (!table.empty())
-      text += fmt::format("| **{}** | | | | {} |\n", table, about == part.keys.end() ? "" : cell(about->about));
-    for (const KeyDescription& key : part.keys) {
-      if (in_table(key) && !key.key.empty()) text += row(key);
+    const std::vector<KeyDescription> keys = keys_of(part, table);
+    const std::string before = same_table_before(all, part, table);
+    const auto about = std::find_if(keys.begin(), keys.end(), [](const auto& key) { return key.key.empty(); });
+    const std::string words = !before.empty()       ? fmt::format("as in [{}]({})", before, anchor(before))
+                              : about == keys.end() ? ""
+                                                    : cell(about->about);
+    if (!table.empty()) text += fmt::format("| **{}** | |{} |\n", table, words.empty() ? "" : " " + words);
+    for (const KeyDescription& key : keys) {
+      if (before.empty() && !key.key.empty()) text += row(key);
     }
   }
   return text;
@@ -248,17 +312,14 @@ std::string show(const Part& part) {
 std::string page() {
   std::string text =
       "# Every key of every program\n\n"
-      "Made by `ledgerline configuration` out of what the programs' readers ask for, so it cannot lag behind them; a "
-      "test "
-      "compares. Change a\nreader, then `build/release/bin/ledgerline configuration > docs/configuration.md`.\n\n"
-      "Files are TOML. A key that is missing has its default; one that is unknown, of the wrong type or out of its "
-      "range is an "
-      "error that names file,\nline and key, and the program does not start. Relative paths count from where the "
-      "program was "
-      "started. `./fly` writes a file for each of\nits programs into its run's folder: an example of each. Scripts of "
-      "faults "
-      "are in [fault runs](faults.md) and [the proxy](faults.md#the-proxy), the\ntables of experiments in "
-      "[experiments](measuring.md#experiments-ledgerline-experiment).\n";
+      "Made by `ledgerline configuration` out of the programs' config readers; a test compares. Change a reader, "
+      "then\n`build/release/bin/ledgerline configuration > docs/configuration.md`.\n\n"
+      "Files are TOML. A key that is unknown, of the wrong type or out of its range is an error that names file, line "
+      "and key, and the program\ndoes not start. Relative paths count from where the program was started. `./fly` "
+      "writes a file for each of its programs into its run's\nfolder. Scripts of faults are in [fault "
+      "runs](faults.md), the tables of experiments in [experiments](measuring.md#experiments-ledgerline-experiment)."
+      "\n\n`value`: the default (in words where it depends on other things), then what is allowed. `required` has no "
+      "default; a bare `text` or `list` (of texts)\nis none. Numbers may have fractions, but for `whole` ones.\n";
   for (const Part& part : parts()) text += "\n" + show(part);
   return text;
 }
