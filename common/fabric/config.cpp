@@ -153,7 +153,7 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
   const std::size_t count = config.table_count({"msp", "an organisation whose signatures are trusted; at least one"});
   for (std::size_t i = 0; i < count; ++i) {
     named.emplace_back(config.text({fmt::format("msp.{}.id", i), "its name, such as Org1MSP"}),
-                       config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority's certificate"}));
+                       config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority, with intermediates"}));
     complete = complete && !named.back().first.empty() && !named.back().second.empty();
   }
   if (named.empty()) return Error{"the config names no organisation to trust; add [[msp]] with id and ca"};

@@ -131,7 +131,7 @@ const std::vector<Source>& sources() {
        "`deployment.toml`: [which hosts, drones, ledger](three-machines.md#what-is-where). A file without `[[host]]` "
        "describes [drones that are there already](fly.md#real-drones): only there are `[pose]`, `[fence]`, `[rc]`, "
        "`[limits]`, `[flight]`, kind `existing` with `agent`, `ground`, `admin`, and a drone's keys from `interface` "
-       "on.",
+       "on (but no `host`).",
        {},
        read_deployment},
       {ledger,
@@ -210,10 +210,6 @@ std::string value_of(const KeyDescription& key) {
   return joined({key.type, key.usual == "none" ? "" : usual});
 }
 
-std::string row(const KeyDescription& key) {
-  return fmt::format("| `{}` | {} | {} |\n", key.key, cell(value_of(key)), cell(key.about));
-}
-
 std::string anchor(std::string name) {
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return c == ' ' ? '-' : std::tolower(c); });
@@ -258,24 +254,82 @@ namespace {
 std::vector<KeyDescription> keys_of(const Part& part, const std::string& table) {
   std::vector<KeyDescription> keys;
   std::copy_if(part.keys.begin(), part.keys.end(), std::back_inserter(keys),
-               [&](const KeyDescription& key) { return key.table == table; });
+               [&](const KeyDescription& key) { return key.table == table && !key.key.empty(); });
   return keys;
+}
+
+std::vector<std::string> tables_of(const Part& part) {
+  std::vector<std::string> tables;
+  for (const KeyDescription& key : part.keys)
+    if (std::find(tables.begin(), tables.end(), key.table) == tables.end()) tables.push_back(key.table);
+  return tables;
 }
 
 bool same_words(const KeyDescription& a, const KeyDescription& b) {
   return a.key == b.key && a.usual == b.usual && a.allowed == b.allowed && a.about == b.about;
 }
 
-// The part before this one whose table of this name is the same, key by key; "": none.
-std::string same_table_before(const std::vector<Part>& all, const Part& part, const std::string& table) {
+bool same_keys(const std::vector<KeyDescription>& a, const std::vector<KeyDescription>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), same_words);
+}
+
+std::string link_to(const std::string& part) { return fmt::format("as in [{}]({})", part, anchor(part)); }
+
+// The parts before this one, whose words it need not repeat. What several files share stands for itself.
+std::vector<Part> before(const std::vector<Part>& all, const Part& part) {
+  const auto shares = [&](const Part& other) {
+    return std::find(other.shared.begin(), other.shared.end(), part.name) != other.shared.end();
+  };
+  if (std::any_of(all.begin(), all.end(), shares)) return {};
+  const auto own = std::find_if(all.begin(), all.end(), [&](const Part& other) { return other.name == part.name; });
+  return {all.begin(), own};
+}
+
+// "as in [link](#link)", where a part before this one has the same table; "keys as of [[orderer]]", where this part has
+// them before; "": all of them are said here.
+std::string same_table_before(const std::vector<Part>& earlier, const Part& part, const std::string& table) {
   const std::vector<KeyDescription> own = keys_of(part, table);
-  for (const Part& other : all) {
-    if (other.name == part.name) break;
-    const std::vector<KeyDescription> theirs = keys_of(other, table);
-    if (own.size() > 1 && std::equal(own.begin(), own.end(), theirs.begin(), theirs.end(), same_words))
-      return other.name;
+  for (const Part& other : earlier) {
+    if (own.size() > 1 && same_keys(own, keys_of(other, table))) return link_to(other.name);
+  }
+  for (const std::string& before : tables_of(part)) {
+    if (before == table) break;
+    if (same_keys(own, keys_of(part, before))) return "keys as of " + before;
   }
   return "";
+}
+
+// Beyond so many letters a key is not said again, though the table of before has another name.
+constexpr std::size_t long_words = 40;
+
+// A row for each key; for keys that stand one after another, one: those that a part before this one has in the same
+// words, and those with the same value and meaning.
+std::string rows(const std::vector<Part>& earlier, const Part& part, const std::string& table) {
+  struct Row {
+    std::string keys, value, about;
+  };
+  std::vector<Row> rows;
+  for (const KeyDescription& key : keys_of(part, table)) {
+    Row next{fmt::format("`{}`", key.key), value_of(key), key.about};
+    for (const Part& other : earlier) {
+      const auto same = std::find_if(other.keys.begin(), other.keys.end(), [&](const KeyDescription& one) {
+        return same_words(one, key) && (one.table == table || key.about.size() > long_words);
+      });
+      if (same == other.keys.end()) continue;
+      next.value.clear();
+      next.about = link_to(other.name) + (same->table == table ? "" : ", " + same->table);
+      break;
+    }
+    if (!rows.empty() && rows.back().value == next.value && rows.back().about == next.about)
+      rows.back().keys += ", " + next.keys;
+    else
+      rows.push_back(std::move(next));
+  }
+  std::string text;
+  for (const Row& row : rows)
+    text +=
+        fmt::format("| {} |{}{} | {} |\n", row.keys, row.value.empty() ? "" : " ", cell(row.value), cell(row.about));
+  return text;
 }
 
 }  // namespace
@@ -289,22 +343,15 @@ std::string show(const Part& part) {
   if (!part.shared.empty()) text += ".\n";
   if (part.keys.empty()) return text;
   text += "\n| key | value | what it does |\n| --- | --- | --- |\n";
-  std::vector<std::string> tables;
-  for (const KeyDescription& key : part.keys) {
-    if (std::find(tables.begin(), tables.end(), key.table) == tables.end()) tables.push_back(key.table);
-  }
-  const std::vector<Part> all = parts();
-  for (const std::string& table : tables) {
-    const std::vector<KeyDescription> keys = keys_of(part, table);
-    const std::string before = same_table_before(all, part, table);
-    const auto about = std::find_if(keys.begin(), keys.end(), [](const auto& key) { return key.key.empty(); });
-    const std::string words = !before.empty()       ? fmt::format("as in [{}]({})", before, anchor(before))
-                              : about == keys.end() ? ""
-                                                    : cell(about->about);
-    if (!table.empty()) text += fmt::format("| **{}** | |{} |\n", table, words.empty() ? "" : " " + words);
-    for (const KeyDescription& key : keys) {
-      if (before.empty() && !key.key.empty()) text += row(key);
-    }
+  const std::vector<Part> earlier = before(parts(), part);
+  for (const std::string& table : tables_of(part)) {
+    const auto about = std::find_if(part.keys.begin(), part.keys.end(),
+                                    [&](const auto& key) { return key.table == table && key.key.empty(); });
+    const std::string same = same_table_before(earlier, part, table);
+    std::string words = about == part.keys.end() ? "" : about->about;
+    if (!same.empty()) words += (words.empty() ? "" : "; ") + same;
+    if (!table.empty()) text += fmt::format("| **{}** | |{}{} |\n", table, words.empty() ? "" : " ", cell(words));
+    if (same.empty()) text += rows(earlier, part, table);
   }
   return text;
 }

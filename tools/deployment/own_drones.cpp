@@ -31,7 +31,7 @@ std::vector<OwnDrone> read_each(Config& config) {
     const std::string key = fmt::format("drone.{}.", i);
     OwnDrone drone;
     const Key name{key + "name", "as enrolled on the ledger"};
-    const Key behind{key + "interface", "network interface to the drone, for link's config"};
+    const Key behind{key + "interface", "for link's config, as its interface"};
     const Key serial{key + "serial", "required answer to `sn?`, for link's config"};
     drone.name = plain_text(config, name, config.text(name));
     drone.address = config.text({key + "address", "IPv4, as its host reaches it"});

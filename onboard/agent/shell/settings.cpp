@@ -30,8 +30,7 @@ void read_batch(Config& config, BatchConfig& b) {
           {"batch.min_gap_ms", "between the starts of two batches; 0: the next goes when the last is committed"});
   read_ms(config, b.linger_ns, 0, 1'000,
           {"batch.linger_ms",
-           "a batch waits so long for this host's other samples of the same instant: longer adds to every age, 0 makes "
-           "a transaction of each drone's sample"});
+           "a batch waits so long for this host's other samples of the same instant; 0 makes a transaction of each"});
   read_ms(config, b.freshness_ns, 1, 10'000,
           {"batch.freshness_ms", "a sample that waited until it is older is dropped"});
   read_ms(config, b.first_back_off_ns, 1, 10'000,
@@ -74,7 +73,7 @@ void read_idle_evict(Config& config, TimeNs& idle_evict_ns) {
   constexpr double min_s = 30;
   const Key key{"agent.idle_evict_s",
                 "a drone seen on the ground for so long, without a command of its lease's holder, is taken from the "
-                "holder; 0: never, else at least 30. Longer than a change of batteries"};
+                "holder; 0: never, else at least 30; longer than a change of batteries"};
   read_s(config, idle_evict_ns, 0, 86'400, key);
   if (idle_evict_ns == 0 || to_seconds(idle_evict_ns) >= min_s) return;
   config.wrong(key.name, fmt::format("must be 0 (never), or {:g} to 86400: a holder who has just acquired the drone "
@@ -108,7 +107,7 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   read_s(config, s.recheck_ns, 0, 3'600,
          {"agent.recheck_s",
           "between comparisons of control records and roles with another organisation's peer, the first [[endorser]] "
-          "of one; a lasting difference is an alarm, in the log and the summary (records_differ); 0: never"});
+          "of one; a lasting difference is an alarm (records_differ); 0: never"});
   read_s(config, s.core.integrity_hold_ns, 1, 3'600,
          {"agent.integrity_hold_s",
           "how long an integrity violation (of flags, orderers, other peers) keeps the alarm, and link informed "

@@ -73,7 +73,7 @@ void read_playout(Config& config, PlayoutSettings& playout) {
           "a setpoint for later than this counts as bad, as of a wrong clock");
   read_ms(config, "playout.max_margin_ms", playout.max_margin_ns, 0, 10'000,
           "bound of the adaptive playout margin, for which setpoints wait so that late ones come in order; 0: none, as "
-          "in flights around a path, whose timing ground chooses");
+          "in flights around a path");
 }
 
 void read_rc(Config& config, RcSettings& rc) {
@@ -86,9 +86,8 @@ void read_rc(Config& config, RcSettings& rc) {
 }
 
 void read_failsafe(Config& config, FailsafeSettings& failsafe) {
-  read_ms(
-      config, "failsafe.hold_grace_ms", failsafe.hold_grace_ns, 0, 5'000,
-      "from the end of the last plan to mode hold; the ramp to zero begins at once. Shorter reports every late plan");
+  read_ms(config, "failsafe.hold_grace_ms", failsafe.hold_grace_ns, 0, 5'000,
+          "from the end of the last plan to mode hold; the ramp to zero begins at once");
   read_s(config, "failsafe.land_after_s", failsafe.land_after_ns, 0.1, 600,
          "of hold or brake, then land; longer than a change of the ledger's leader, and than clear_after_ms");
   // At half of it, what comes each 100 ms (heartbeats, state texts) must still be in time.
@@ -101,8 +100,7 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
   read_ms(config, "failsafe.velocity_lost_ms", failsafe.velocity_lost_ns, 250, 60'000,
           "with onboard odometry: without a usable velocity, brake");
   read_ms(config, "failsafe.dark_land_after_ms", failsafe.dark_land_after_ns, 0, 5'000,
-          "a drone whose flow sees nothing, and that nothing else places or holds, hovers blindly so long, then lands. "
-          "Shorter lands one that sees again, longer glides further");
+          "a drone whose flow sees nothing, and that nothing else places or holds, hovers blindly so long, then lands");
   read_number(config, "failsafe.fence_sigmas", failsafe.fence_sigmas, 0, 10,
               "the fence is drawn in by so many standard deviations of the position");
   read_number(config, "failsafe.min_room_m", failsafe.min_room_m, 0.1, 100,
@@ -258,7 +256,7 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
                      true);
   drone.by_hand_without_pose =
       config.boolean({key + "by_hand_without_pose",
-                      "a pilot, who sees it, may fly it without a usable position; its fence is then the ceiling alone",
+                      "a pilot who sees it may fly it without a usable position, within the ceiling alone",
                       "true with onboard odometry alone"},
                      !uses_mocap(drone.source));
 }
@@ -449,9 +447,8 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
       command_port, 0, 65535));
   const std::string listen =
       config.text({"state.listen", "IPv4:PORT for state texts; drones send to port 8890"}, "0.0.0.0:8890");
-  read_number(
-      config, "state.rate_hz", settings.link.rate_hz, 1, 200,
-      "state samples a second of each drone; each goes into a transaction, and ground answers it with a command");
+  read_number(config, "state.rate_hz", settings.link.rate_hz, 1, 200,
+              "state samples a second of each drone, each answered by a command");
   read_output(config, settings);
   read_number(config, "realtime.loop_hz", settings.loop_hz, 100, 4000,
               "turns of the loop; a setpoint waits for at most one");
