@@ -39,31 +39,31 @@ Result<Options> read_options(const std::string& file, Options options) {
 }
 
 Result<Options> read_options(Config& config, Options options) {
-  options.signature_policy = config.text(
-      {"signature_policy", "of the contract's definition, in Fabric's words", "the channel's, which is a majority"},
-      options.signature_policy);
+  options.signature_policy =
+      config.text({"signature_policy", "of the contract, in Fabric's words", "the channel's, a majority"},
+                  options.signature_policy);
   options.ca =
-      config.boolean({"ca", "identities from fabric-ca; on one host alone, so without [[organisation]]"}, options.ca);
+      config.boolean({"ca", "identities from fabric-ca; one host alone, without [[organisation]]"}, options.ca);
   options.history = config.boolean(
       {"history", "the peers' history database; without it `history` fails, and blocks come earlier"}, options.history);
-  options.batch_count = static_cast<int>(config.integer(
-      {"batch_count", "a block is cut with so many transactions: 1 is the fastest, the published flights had 10"},
-      options.batch_count, 1, 10'000));
+  options.batch_count = static_cast<int>(
+      config.integer({"batch_count", "transactions that cut a block: 1 is the fastest, the published flights had 10"},
+                     options.batch_count, 1, 10'000));
   options.batch_timeout_ns =
       static_cast<TimeNs>(config.number({"batch_timeout_ms", "or this long after its first transaction"},
                                         to_ms(options.batch_timeout_ns), 1, 60'000) *
                           ns_per_ms);
-  options.timeout_ns = from_seconds(config.number({"timeout_s", "how long the parts on other hosts are waited for"},
-                                                  to_seconds(options.timeout_ns), 1, 3'600));
+  options.timeout_ns = from_seconds(
+      config.number({"timeout_s", "for the parts on other hosts"}, to_seconds(options.timeout_ns), 1, 3'600));
   const std::size_t channels = config.table_count({"channel", "with the contract on each; none: one, teleop"});
   if (channels > 0) options.channels.clear();
   for (std::size_t i = 0; i < channels; ++i) {
     options.channels.push_back(config.text({fmt::format("channel.{}.name", i), "a-z first, then a-z, 0-9, . and -"}));
   }
   for (auto [table, places] :
-       {std::pair{Key{"organisation", "where its peer is: three, Org1MSP to Org3MSP in this order, or none"},
+       {std::pair{Key{"organisation", "of its peer: three, Org1MSP to Org3MSP in this order, or none"},
                   &options.organisation_places},
-        std::pair{Key{"orderer", "where it is: one or three, or none"}, &options.orderer_places}}) {
+        std::pair{Key{"orderer", "one or three, or none"}, &options.orderer_places}}) {
     const std::size_t count = config.table_count(table);
     for (std::size_t i = 0; i < count; ++i) {
       const std::string key = fmt::format("{}.{}.", table.name, i);

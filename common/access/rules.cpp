@@ -13,20 +13,18 @@ static_assert(contract::max_drone_requests == 16 && contract::max_drone_grants =
 constexpr std::array rules{
     RuleText{Rule::enrolled, "enrolled", "The drone is enrolled."},
     RuleText{Rule::name_for_good, "name-for-good", "The drone is new, or the same organisation's: names are for good."},
-    RuleText{
-        Rule::administrator, "administrator",
-        "The caller is an administrator of the organisation that the call is about: the drone's, or the identity's."},
-    RuleText{Rule::operator_role, "operator-role",
-             "The caller (hand_over: who gets the lease) is an operator or a supervisor."},
-    RuleText{Rule::not_revoked, "not-revoked", "The caller is not revoked."},
+    RuleText{Rule::administrator, "administrator",
+             "Administrator of the organisation that the call is about: the drone's, or the identity's."},
+    RuleText{Rule::operator_role, "operator-role", "Operator or supervisor (hand_over: who gets the lease)."},
+    RuleText{Rule::not_revoked, "not-revoked", "Not revoked."},
     RuleText{Rule::granted, "granted",
-             "The caller is of the drone's organisation, or it, or its organisation, has a grant to fly."},
+             "Of the drone's organisation, or with a grant to fly, its own or its organisation's."},
     RuleText{Rule::granted_priority, "granted-priority", "Its grant is for this priority."},
     RuleText{Rule::lease_free, "lease-free",
-             "Nobody holds the lease, or the caller itself, or a revoked one, or somebody with a lower priority."},
+             "Nobody holds the lease, or the caller, a revoked one, or one with a lower priority."},
     RuleText{Rule::lease_held, "lease-held", "Somebody holds the lease; for a request, one who is not revoked."},
-    RuleText{Rule::not_own_lease, "not-own-lease", "The caller does not hold it itself."},
-    RuleText{Rule::holder, "holder", "The caller holds the lease."},
+    RuleText{Rule::not_own_lease, "not-own-lease", "Does not hold it itself."},
+    RuleText{Rule::holder, "holder", "Holds the lease."},
     RuleText{Rule::requested, "requested",
              "Who is named has requested the lease and is granted it, its delegate likewise (deny: has requested it)."},
     RuleText{Rule::request_room, "request-room", "Its organisation has at most 16 requests for the drone."},
@@ -34,29 +32,26 @@ constexpr std::array rules{
     RuleText{Rule::delegate_own_organisation, "delegate-own-organisation",
              "The delegate is of the caller's organisation."},
     RuleText{Rule::delegate_role, "delegate-role", "The delegate is neither revoked nor an auditor."},
-    RuleText{Rule::holder_or_requester, "holder-or-requester", "The caller holds the lease, or it is its own request."},
-    RuleText{Rule::evicts, "evicts", "The caller is a supervisor of the drone's organisation, or the drone's host."},
-    RuleText{Rule::that_lease, "that-lease", "The lease is still the one of the epoch that the call names, if any."},
+    RuleText{Rule::holder_or_requester, "holder-or-requester", "Holds the lease, or it is its own request."},
+    RuleText{Rule::evicts, "evicts", "Supervisor of the drone's organisation, or the drone's host."},
+    RuleText{Rule::that_lease, "that-lease", "The lease is still of the epoch that the call names, if any."},
     RuleText{Rule::foreign_grant, "foreign-grant", "The grant is to another organisation, or somebody of one."},
     RuleText{Rule::grant_room, "grant-room", "The drone has at most 64 grants."},
     RuleText{Rule::grantee_role, "grantee-role", "Who is granted something is neither revoked nor an auditor."},
     RuleText{Rule::stopped, "stopped", "The drone is stopped."},
     RuleText{Rule::own_stop, "own-stop",
-             "One of the stops is the caller's, or the caller is a supervisor of the drone's organisation."},
-    RuleText{Rule::host, "host", "The caller is the drone's host."},
-    RuleText{Rule::granted_stop, "granted-stop",
-             "The caller is of the drone's organisation, or it, or its organisation, has a grant to stop, fly or cut."},
+             "One of the stops is its own, or it is a supervisor of the drone's organisation."},
+    RuleText{Rule::host, "host", "The drone's host."},
+    RuleText{Rule::granted_stop, "granted-stop", "As granted, or with a grant to stop or cut."},
     RuleText{Rule::granted_cut, "granted-cut", "The same, with a grant to cut, where the call cuts the motors."},
-    RuleText{
-        Rule::that_clear, "that-clear",
-        "The caller's stops were cleared as often as the call says, if it says so: an old stop stops nothing again."},
+    RuleText{Rule::that_clear, "that-clear",
+             "Its stops were cleared as often as the call says, if it does: an old stop stops nothing again."},
     RuleText{
         Rule::not_claimed, "not-claimed",
         "Nobody of the drone's organisation has claimed it (clear_stop: or the caller is of that organisation); for a "
         "request or denial, nor has its holder, unless that is the caller."},
-    RuleText{
-        Rule::claims, "claims",
-        "The caller is a supervisor or administrator of the drone's organisation, or its host, or holds the lease."},
+    RuleText{Rule::claims, "claims",
+             "Supervisor or administrator of the drone's organisation, its host, or the lease's holder."},
 };
 
 }  // namespace
@@ -116,8 +111,7 @@ const std::vector<FunctionText>& all_functions() {
        {Rule::not_revoked, Rule::enrolled, Rule::not_claimed, Rule::stopped, Rule::own_stop}},
       {contract::apply_stops,
        "host",
-       "The lease and the grants of those who are revoked are ended; stops that stand are taken "
-       "into the lease.",
+       "Lease and grants of the revoked end; standing stops are taken into the lease.",
        {Rule::enrolled, Rule::host}},
       {contract::claim,
        "supervisor, administrator, host, holder",
@@ -135,9 +129,7 @@ std::string access_page() {
   std::string text =
       "# Access: who may do what\n\n"
       "Printed by `ledgerline contract rules` from the rules that the contract applies and that agent, ground and "
-      "audit\n"
-      "hold blocks against (`common/access`). A refusal says whom it is about and who may; the audit also names the "
-      "rule.\n\n"
+      "audit\nhold blocks against (`common/access`). The audit names the rule of a finding.\n\n"
       "## Functions\n\n"
       "| function | who | effect | rules, in the order asked |\n| --- | --- | --- | --- |\n";
   for (const FunctionText& one : all_functions()) {
@@ -146,7 +138,7 @@ std::string access_page() {
     text.append("| `").append(one.function).append("` | ").append(one.who).append(" | ").append(one.effect);
     text.append(" | ").append(asked).append(" |\n");
   }
-  text += "\n## Rules\n\n| rule | what it needs |\n| --- | --- |\n";
+  text += "\n## Rules\nOf the caller, unless they name somebody else.\n\n| rule | what it needs |\n| --- | --- |\n";
   for (const RuleText& one : rules) text.append("| ").append(one.id).append(" | ").append(one.needs).append(" |\n");
   return text;
 }

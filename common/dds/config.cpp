@@ -18,13 +18,12 @@ constexpr std::size_t max_peers = 32;
 std::optional<Security> security(Config& config) {
   Security files;
   const std::pair<Key, std::string*> keys[] = {
-      {{"dds.identity_ca",
-        "DDS Security: file of the authority's certificate; with the four below, or none of the five"},
+      {{"dds.identity_ca", "DDS Security: the authority's certificate; with the four below, or none of the five"},
        &files.identity_ca},
-      {{"dds.certificate", "file of this program's own certificate"}, &files.certificate},
-      {{"dds.private_key", "file of its key; the file as for `private_key` of [ledger]"}, &files.private_key},
-      {{"dds.governance", "file that says what is encrypted, signed by the authority"}, &files.governance},
-      {{"dds.permissions", "file that says who may do what, signed by the authority"}, &files.permissions}};
+      {{"dds.certificate", "of this program"}, &files.certificate},
+      {{"dds.private_key", "its key; as [ledger] private_key"}, &files.private_key},
+      {{"dds.governance", "what is encrypted, signed by the authority"}, &files.governance},
+      {{"dds.permissions", "who may do what, signed by the authority"}, &files.permissions}};
   for (const auto& [key, file] : keys) *file = config.text(key, "");
   const auto is_named = [](const auto& key) { return !key.second->empty(); };
   const auto named = std::find_if(std::begin(keys), std::end(keys), is_named);
@@ -43,30 +42,24 @@ bool is_host(const std::string& text) {
 
 void reach(Config& config, ParticipantOptions& options) {
   options.local_only =
-      config.boolean({"dds.local_only", "true: DDS stays on this machine; false: it may leave it; beats CYCLONEDDS_URI",
+      config.boolean({"dds.local_only", "DDS stays on this machine; false: it may leave it; beats CYCLONEDDS_URI",
                       "true, unless CYCLONEDDS_URI is set"});
   options.interfaces = config.texts(
-      {"dds.interfaces",
-       "network interfaces of DDS, \"lo\" among them for programs of this machine; without local_only", "loopback"},
+      {"dds.interfaces", "of DDS, with \"lo\" for programs of this machine; without local_only", "loopback"},
       max_interfaces);
-  options.peers = config.texts({"dds.peers",
-                                "addresses of hosts to look for where multicast does not go; with interfaces, or with "
-                                "local_only = false",
-                                "none"},
-                               max_peers);
-  options.ros_release = config.text(
-      {"dds.ros_release",
-       "ROS 2's release on this machine, foxy to rolling: how nodes are announced (else ROS_DISTRO says it) and, with "
-       "local_only, on which addresses neighbours are"},
-      "");
+  options.peers = config.texts(
+      {"dds.peers", "hosts to look for where multicast does not go; with interfaces, or with local_only = false",
+       "none"},
+      max_peers);
+  options.ros_release = config.text({"dds.ros_release",
+                                     "ROS 2's release here, foxy to rolling: how nodes are announced and, with "
+                                     "local_only, on which addresses neighbours are"},
+                                    "");
   const auto& releases = ros_releases();
   if (!options.ros_release.empty() && std::ranges::find(releases, options.ros_release) == releases.end())
     config.wrong("dds.ros_release", fmt::format("must be one of {}", fmt::join(releases, ", ")));
-  options.cyclonedds =
-      config.text({"dds.cyclonedds",
-                   "file of Cyclone DDS's own configuration (XML), which decides; without local_only, interfaces "
-                   "and peers"},
-                  "");
+  options.cyclonedds = config.text(
+      {"dds.cyclonedds", "Cyclone DDS's own XML file, which decides; without local_only, interfaces and peers"}, "");
 
   if (!options.cyclonedds.empty() && options.local_only)
     config.wrong("dds.cyclonedds", "must not stand beside dds.local_only: the file says how far DDS reaches");
@@ -95,8 +88,7 @@ ParticipantOptions participant_options(Config& config, const std::string& node) 
   ParticipantOptions options;
   reach(config, options);
   options.node = node;
-  const auto domain =
-      config.integer({"dds.domain", "DDS domain; the range is DDS's own", "ROS_DOMAIN_ID, else 0"}, -1, 0, 232);
+  const auto domain = config.integer({"dds.domain", "DDS domain", "ROS_DOMAIN_ID, else 0"}, -1, 0, 232);
   if (domain >= 0) options.domain = static_cast<std::uint32_t>(domain);
   options.security = security(config);
   return options;

@@ -16,11 +16,11 @@ Channels::Table read_table(Config& config, const std::string& key, const Channel
   Channels::Table table;
   table.name = config.text({key + "name", "of Fabric: a-z first, then a-z, 0-9, . and -"});
   table.contract = config.text({key + "contract", "the chaincode's name on it", "that of [ledger]"}, ledger.contract);
-  table.config_block = config.text(
-      {key + "config_block", "as that of [ledger], of this channel; must be there where [ledger] has one", "none"}, "");
+  table.config_block =
+      config.text({key + "config_block", "as that of [ledger]; required where [ledger] has one", "none"}, "");
   table.endpoint = config.text({key + "endpoint",
-                                "as that of [ledger], where another peer serves this channel; then only an "
-                                "[[orderer]], [[endorser]] or [[peer]] that names the channel is used for it",
+                                "where another peer serves this channel; then only an [[orderer]], [[endorser]] or "
+                                "[[peer]] that names the channel is used for it",
                                 "that of [ledger]"},
                                "");
   table.tls_ca = config.text({key + "tls_ca", "as that of [ledger]", "that of [ledger]"}, "");
@@ -59,7 +59,7 @@ std::vector<Channels::For> read_servers(Config& config, const std::string& table
   std::vector<Channels::For> all;
   for (std::size_t i = 0; i < config.table_count(table); ++i) {
     const std::string key = fmt::format("{}.{}.channels", table, i);
-    all.push_back(config.texts({key, "that it is for; none: each that is at the endpoint of [ledger]"}, max_channels));
+    all.push_back(config.texts({key, "that it is for; none: all at the endpoint of [ledger]"}, max_channels));
     for (const std::string& name : all.back()) {
       if (std::find(names.begin(), names.end(), name) == names.end())
         config.wrong(key, fmt::format("must be of this file's channels, {}", list_of(names)));
@@ -75,8 +75,7 @@ void read_drones(Config& config, Channels& channels) {
       config.is_describing() ? 1 : config.table_count("drone");  // the program describes its table
   for (std::size_t i = 0; i < count; ++i) {
     const std::string key = fmt::format("drone.{}.channel", i);
-    const std::string name =
-        config.text({key, "that its records are on: a [[channel]], or that of [ledger]", "that of [ledger]"}, names[0]);
+    const std::string name = config.text({key, "of its records", "that of [ledger]"}, names[0]);
     const auto found = std::find(names.begin(), names.end(), name);
     if (found == names.end()) config.wrong(key, fmt::format("must be one of this file's channels, {}", list_of(names)));
     channels.of_drone.push_back(found == names.end() ? 0 : static_cast<std::size_t>(found - names.begin()));
@@ -130,8 +129,8 @@ Channels read_channels(Config& config) {
                                   config.text("ledger.contract", usual.contract)};
   Channels channels;
   channels.all.push_back({.name = ledger.channel, .contract = ledger.contract});
-  const std::size_t count = config.table_count(
-      {"channel", "each further channel that some of the drones are on; that of [ledger] has no table"});
+  const std::size_t count =
+      config.table_count({"channel", "each further channel that drones are on; that of [ledger] has no table"});
   for (std::size_t i = 0; i < count; ++i)
     channels.all.push_back(read_table(config, fmt::format("channel.{}.", i), ledger));
   if (!config.is_describing()) check_tables(config, channels, config.text("ledger.config_block", ""));

@@ -25,28 +25,21 @@ Key verifier_key() { return {"ledger.verifier", "library that checks signatures"
 BlockSource block_source(Config& config) {
   const std::string name =
       config.choice({"ledger.blocks",
-                     "whose blocks are taken: `peer`, the own peer's; `ordered`, an orderer's where they come first, "
-                     "validated here and confirmed by the peer later (needs config_block; costs each block's transfer "
-                     "once more)"},
+                     "`peer`: our own peer's; `ordered`: an orderer's where they come first, validated here and "
+                     "confirmed by the peer later (needs config_block; transfers each block twice)"},
                     {"peer", "ordered"}, "peer");
   return name == "ordered" ? BlockSource::ordered : BlockSource::peer;
 }
-
-const char* const tls_ca_meaning =
-    "PEM file of the authorities that signed its TLS certificate, root or intermediate, one or several";
 
 std::string server_name(Config& config, const std::string& table) {
   return config.text({table + "server_name", "name in that certificate", "the endpoint's host"}, "");
 }
 
-/// `otherwise`: of whom the pair is where this table has none.
-ClientConfig::TlsPair tls_pair(Config& config, const std::string& table, std::string_view otherwise) {
-  return {config.text({table + "tls_certificate",
-                       "PEM file of the own TLS certificate, with its intermediates behind it, for a server that wants "
-                       "one (a peer's clientAuthRequired, ledgerline-node's --tls-client-ca)",
-                       otherwise},
-                      ""),
-          config.text({table + "tls_key", "its private key; the file as for `private_key`", otherwise}, "")};
+/// That of [ledger] where this table has none.
+ClientConfig::TlsPair tls_pair(Config& config, const std::string& table) {
+  constexpr const char *as_ledger = "as that of [ledger]", *otherwise = "that of [ledger]";
+  return {config.text({table + "tls_certificate", as_ledger, otherwise}, ""),
+          config.text({table + "tls_key", as_ledger, otherwise}, "")};
 }
 
 std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
@@ -54,8 +47,9 @@ std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
   const std::size_t count = config.table_count(table);
   for (std::size_t i = 0; i < count; ++i) {
     const std::string key = fmt::format("{}.{}.", table.name, i);
-    out.push_back({config.text({key + "endpoint", "HOST:PORT"}), config.text({key + "tls_ca", tls_ca_meaning}),
-                   server_name(config, key), tls_pair(config, key, "that of [ledger]")});
+    out.push_back({config.text({key + "endpoint", "HOST:PORT"}),
+                   config.text({key + "tls_ca", "PEM file of its authorities, as that of [ledger]"}),
+                   server_name(config, key), tls_pair(config, key)});
   }
   return out;
 }
@@ -63,21 +57,17 @@ std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
 /// Whether it can be one is not looked at.
 crypto::IdentityPlace identity_place(Config& config) {
   crypto::IdentityPlace place;
-  place.msp_id = config.text({"ledger.msp_id", "the own organisation, such as Org1MSP"});
-  place.msp_dir = config.text(
-      {"ledger.msp_dir",
-       "folder with the own signcerts/ and keystore/ (*_sk, priv-key.pem or the only file there); or `certificate` and "
-       "`private_key`"},
-      "");
-  place.files = {
-      config.text({"ledger.certificate", "PEM file of the own certificate, in place of msp_dir"}, ""),
-      config.text(
-          {"ledger.private_key",
-           "PEM file of its key, P-256 or P-384: readable for its owner alone, or root's and readable for a group "
-           "of ours, as Kubernetes mounts secrets (fsGroup)"},
-          "")};
-  place.library = library_of(config, {"ledger.signer", "library that signs: libcrypto needs a tenth of mbedTLS's time"},
-                             "libcrypto");
+  place.msp_id = config.text({"ledger.msp_id", "our organisation, such as Org1MSP"});
+  place.msp_dir = config.text({"ledger.msp_dir",
+                               "folder with signcerts/ and keystore/ (*_sk, priv-key.pem or the only file); or "
+                               "`certificate` and `private_key`"},
+                              "");
+  place.files = {config.text({"ledger.certificate", "PEM file, in place of msp_dir"}, ""),
+                 config.text({"ledger.private_key",
+                              "PEM file of its key, P-256 or P-384: readable by its owner alone, or root's and "
+                              "readable by a group of ours, as Kubernetes mounts secrets (fsGroup)"},
+                             "")};
+  place.library = library_of(config, {"ledger.signer", "libcrypto needs a tenth of mbedTLS's time"}, "libcrypto");
   return place;
 }
 
@@ -85,53 +75,48 @@ crypto::IdentityPlace identity_place(Config& config) {
 
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline) {
   ClientConfig out;
-  out.endpoint =
-      config.text({"ledger.endpoint", "HOST:PORT of the peer of the own organisation, or of the embedded node"});
-  out.tls_ca_file = config.text({"ledger.tls_ca", tls_ca_meaning});
+  out.endpoint = config.text({"ledger.endpoint", "HOST:PORT of our organisation's peer, or of the embedded node"});
+  out.tls_ca_file = config.text(
+      {"ledger.tls_ca", "PEM file of the authorities, root or intermediate, that signed its TLS certificate"});
   out.server_name = server_name(config, "ledger.");
-  out.tls_pair = tls_pair(config, "ledger.", "none");
+  out.tls_pair = {config.text({"ledger.tls_certificate",
+                               "PEM file of our TLS certificate with its intermediates, for a server that wants one "
+                               "(clientAuthRequired, --tls-client-ca)"},
+                              ""),
+                  config.text({"ledger.tls_key", "its key; as private_key"}, "")};
   out.where.channel = config.text({"ledger.channel", "of Fabric"}, out.where.channel);
   out.where.contract = config.text({"ledger.contract", "the chaincode's name on it"}, out.where.contract);
   out.max_in_flight = static_cast<std::size_t>(
-      config.integer({"ledger.max_in_flight",
-                      "calls that may be in flight; more are refused at once, so that a slow ledger fills no memory"},
-                     64, 1, 10'000));
-  out.deadline =
-      std::chrono::milliseconds(config.integer({"ledger.deadline_ms",
-                                                "of a call, until it counts as unavailable; agent and ground take "
-                                                "1,000, since newer states say more, the others 5,000",
-                                                "see there"},
-                                               deadline.count(), 100, 600'000));
+      config.integer({"ledger.max_in_flight", "calls in flight; more are refused at once"}, 64, 1, 10'000));
+  out.deadline = std::chrono::milliseconds(
+      config.integer({"ledger.deadline_ms", "of a call; agent and ground take 1,000, the others 5,000", "see there"},
+                     deadline.count(), 100, 600'000));
   out.timeouts_of_channel =
-      config.choice(
-          {"ledger.timeouts",
-           "of agent and ground: `auto` makes deadline_ms, agent's check.max_age_ms and agent.ledger_silent_after_ms "
-           "longer by twice the channel's BatchTimeout (nothing where each transaction is a block), as config_block, "
-           "or "
-           "without it the peer says; the log says by how much. `fixed`: they are as they stand"},
-          {"fixed", "auto"}, "fixed") == "auto";
-  out.orderers = servers(config, {"orderer",
-                                  "for the direct path, past the gateway, which saves its two steps; none: the "
-                                  "gateway alone"});
-  const Key endorsers{
-      "endorser",
-      "peer that endorses for its organisation, on the direct path: calls of leases need two organisations', "
-      "commands that of the drones' owner; without, the gateway finds them"};
+      config.choice({"ledger.timeouts",
+                     "of agent and ground: `auto` lengthens deadline_ms, agent's check.max_age_ms and "
+                     "agent.ledger_silent_after_ms by twice the channel's BatchTimeout (of config_block, else the "
+                     "peer's word; nothing where each transaction is a block) and logs it"},
+                    {"fixed", "auto"}, "fixed") == "auto";
+  out.orderers =
+      servers(config, {"orderer", "for the direct path, which saves the gateway's two steps; none: the gateway alone"});
+  const Key endorsers{"endorser",
+                      "peer that endorses for its organisation, on the direct path: leases need two organisations, "
+                      "commands the drones' owner; none: the gateway finds them"};
   const std::size_t count = config.table_count(endorsers);
   for (std::size_t i = 0; i < count; ++i) {
     const std::string key = fmt::format("endorser.{}.", i);
-    out.endorsers.push_back({config.text({key + "msp_id", "its organisation, such as Org2MSP"}),
+    out.endorsers.push_back({config.text({key + "msp_id", "such as Org2MSP"}),
                              config.text({key + "endpoint", "HOST:PORT"}),
-                             config.text({key + "tls_ca", tls_ca_meaning}), server_name(config, key),
-                             tls_pair(config, key, "that of [ledger]")});
+                             config.text({key + "tls_ca", "PEM file of its authorities, as that of [ledger]"}),
+                             server_name(config, key), tls_pair(config, key)});
   }
-  out.other_peers = servers(config, {"peer", "stand in, for everything, while the one of [ledger] is not reached"});
-  const std::string config_block = config.text(
-      {"ledger.config_block",
-       "file with a config block of the channel, the trust anchor (`ledgerline fabric` and ledgerline-node write "
-       "CHANNEL.block into their folder): blocks must be signed by the orderers that it names, or that a later "
-       "configuration names; none: the peer's blocks are taken unverified"},
-      "");
+  out.other_peers = servers(config, {"peer", "stand in for everything while that of [ledger] is not reached"});
+  const std::string config_block =
+      config.text({"ledger.config_block",
+                   "file with a config block of the channel, the trust anchor (CHANNEL.block in the folder of "
+                   "`ledgerline fabric` and ledgerline-node): blocks must be signed by its orderers, or those of a "
+                   "later configuration; none: the peer's blocks are taken unverified"},
+                  "");
   out.blocks = block_source(config);
   out.identity_place = identity_place(config);
   out.verifier = library_of(config, verifier_key(), "libcrypto");
@@ -168,7 +153,7 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
   const std::size_t count = config.table_count({"msp", "an organisation whose signatures are trusted; at least one"});
   for (std::size_t i = 0; i < count; ++i) {
     named.emplace_back(config.text({fmt::format("msp.{}.id", i), "its name, such as Org1MSP"}),
-                       config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority's certificate"}));
+                       config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority, with intermediates"}));
     complete = complete && !named.back().first.empty() && !named.back().second.empty();
   }
   if (named.empty()) return Error{"the config names no organisation to trust; add [[msp]] with id and ca"};

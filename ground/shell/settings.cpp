@@ -26,65 +26,54 @@ std::vector<Waypoint> read_waypoints_of(Config& config, const Key& key) {
 }
 
 void read_path(Config& config, FlightConfig& flight) {
-  const std::string shape = config.choice(
-      {"flight.shape", "the path; manual: a pilot's ROS 2 messages instead; waypoints: a path of your own"},
-      {"square", "triangle", "x", "eight", "manual", "waypoints"}, "square");
+  const std::string shape =
+      config.choice({"flight.shape", "the path; manual: a pilot's ROS 2 messages; waypoints: your own path"},
+                    {"square", "triangle", "x", "eight", "manual", "waypoints"}, "square");
   flight.manual = shape == "manual";
   if (shape == "waypoints" || config.is_describing()) {
-    flight.waypoints = read_waypoints_of(
-        config, {"flight.waypoints", "CSV file of x,y[,z[,speed]], for shape = \"waypoints\" and for no other",
-                 "must be there with that shape"});
+    flight.waypoints =
+        read_waypoints_of(config, {"flight.waypoints", "CSV file of x,y[,z[,speed]], for that shape alone",
+                                   "required with shape = \"waypoints\""});
   } else if (!flight.manual) {
     flight.shape = *shape_from_name(shape);
   }
   flight.cmd_timeout_ns =
-      config.integer(
-          {"flight.cmd_timeout_ms",
-           "manual: a pilot's velocity holds so long, then the drone hovers. At most 500: nobody flies on for "
-           "longer by a joystick that fell silent"},
-          300, 50, ManualController::max_timeout_ns / ns_per_ms) *
+      config.integer({"flight.cmd_timeout_ms", "manual: a pilot's velocity holds so long, then the drone hovers"}, 300,
+                     50, ManualController::max_timeout_ns / ns_per_ms) *
       ns_per_ms;
-  flight.side_m = config.number({"flight.side_m", "of the square; the other shapes are as wide"}, 1.5, 0.2, 50);
+  flight.side_m = config.number({"flight.side_m", "of the square; other shapes are as wide"}, 1.5, 0.2, 50);
   flight.laps = static_cast<int>(config.integer({"flight.laps", "of the path, then land"}, 3, 1, 10'000));
   flight.seconds = config.number(
-      {"flight.seconds", "fly the path this long instead of counting laps, manual: land after so long; 0: no limit"}, 0,
-      0, 86'400);
+      {"flight.seconds", "fly so long instead of counting laps; manual: then land; 0: no limit"}, 0, 0, 86'400);
 }
 
 void read_controller(Config& config, ControllerConfig& controller) {
   controller.speed_mps = config.number({"flight.speed_mps", "along the path, where corners allow it"}, 0.5, 0.05, 8);
-  controller.height_m =
-      config.number({"flight.height_m", "of the path above the floor, and of the hover"}, 1.0, 0.3, 10);
-  controller.predict =
-      config.boolean({"flight.predict",
-                      "steer from the state predicted for the moment when a command arrives; false: from the newest"},
-                     true);
+  controller.height_m = config.number({"flight.height_m", "of path and hover above the floor"}, 1.0, 0.3, 10);
+  controller.predict = config.boolean(
+      {"flight.predict", "steer from the state predicted for the command's arrival; false: from the newest"}, true);
   controller.ramp.start_mps =
-      config.number({"flight.ramp_start_mps", "speed of the first lap of a ramp of speeds; 0: no ramp"}, 0, 0, 8);
-  controller.ramp.step_mps =
-      config.number({"flight.ramp_step_mps", "by which each further lap of a ramp is faster"}, 0, 0, 2);
-  controller.full_scale_mps = config.number(
-      {"flight.full_scale_mps", "what the drone can be commanded at most: link's rc.full_scale_mps, rc 100"},
-      controller.full_scale_mps, 0.1, 20);
+      config.number({"flight.ramp_start_mps", "speed of a ramp's first lap; 0: no ramp"}, 0, 0, 8);
+  controller.ramp.step_mps = config.number({"flight.ramp_step_mps", "by which each further lap is faster"}, 0, 0, 2);
+  controller.full_scale_mps =
+      config.number({"flight.full_scale_mps", "link's rc.full_scale_mps: the most that can be commanded"},
+                    controller.full_scale_mps, 0.1, 20);
   controller.max_acceleration_mps2 =
       config.number({"flight.max_acceleration_mps2", "link's limits.acceleration_mps2: paths are planned within it"},
                     controller.max_acceleration_mps2, 0.1, 50);
   controller.pose_lost_ns =
-      config.integer(
-          {"flight.pose_lost_ms", "link's failsafe.pose_lost_ms: with an older pose link brakes, and the path waits"},
-          controller.pose_lost_ns / ns_per_ms, 10, 10'000) *
+      config.integer({"flight.pose_lost_ms", "link's failsafe.pose_lost_ms: with an older pose the path waits"},
+                     controller.pose_lost_ns / ns_per_ms, 10, 10'000) *
       ns_per_ms;
-  controller.lag_s =
-      config.number({"flight.lag_s", "of the drone's answer to a velocity, until it was learned in flight"},
-                    controller.lag_s, 0.01, 2);
+  controller.lag_s = config.number({"flight.lag_s", "of the drone's answer to a velocity, until learned in flight"},
+                                   controller.lag_s, 0.01, 2);
 }
 
 // A controller of one's own, in the place of ours.
 void read_plugin(Config& config, FlightConfig& flight) {
   const std::string file =
       config.text({"flight.controller",
-                   "shared library that steers along the path in the place of ground's own controller "
-                   "(docs/faults.md); none: ground's own"},
+                   "shared library that steers along the path in place of ground's controller (docs/faults.md)"},
                   "");
   if (file.empty()) return;
   auto loaded = load_controller(file);
@@ -99,38 +88,34 @@ void read_plugin(Config& config, FlightConfig& flight) {
 
 // What one drone flies in its own way: the keys of [flight] again, in its table.
 void read_task(Config& config, const std::string& key, FlightConfig& flight, FlightDrone& drone) {
-  const std::string shape = config.choice({key + "shape", "its own path, in the place of the flight's", "the flight's"},
+  const std::string shape = config.choice({key + "shape", "its own path", "the flight's"},
                                           {"flight", "square", "triangle", "x", "eight", "waypoints"}, "flight");
   if (shape == "flight" && !config.is_describing()) return;
   if (flight.manual && !config.is_describing())
     config.wrong(key + "shape", "must not be there with [flight] shape = \"manual\", which has no path");
   Task task{flight.shape, flight.side_m, {}, flight.controller.speed_mps, flight.laps};
   if (shape == "waypoints" || config.is_describing()) {
-    task.waypoints = read_waypoints_of(
-        config, {key + "waypoints", "as flight.waypoints", "must be there with shape = \"waypoints\""});
+    task.waypoints =
+        read_waypoints_of(config, {key + "waypoints", "as flight.waypoints", "required with shape = \"waypoints\""});
   } else {
     task.shape = *shape_from_name(shape);
   }
-  task.side_m =
-      config.number({key + "side_m", "as flight.side_m, of its own shape", "flight.side_m"}, task.side_m, 0.2, 50);
-  task.speed_mps = config.number({key + "speed_mps", "as flight.speed_mps, on its own path", "flight.speed_mps"},
-                                 task.speed_mps, 0.05, 8);
-  task.laps = static_cast<int>(
-      config.integer({key + "laps", "as flight.laps, of its own path", "flight.laps"}, task.laps, 1, 10'000));
+  task.side_m = config.number({key + "side_m", "of its own path", "flight.side_m"}, task.side_m, 0.2, 50);
+  task.speed_mps = config.number({key + "speed_mps", "on its own path", "flight.speed_mps"}, task.speed_mps, 0.05, 8);
+  task.laps = static_cast<int>(config.integer({key + "laps", "of its own path", "flight.laps"}, task.laps, 1, 10'000));
   drone.task = std::move(task);
 }
 
 void read_requests(Config& config, FlightConfig& flight) {
   const std::string rule = config.choice(
       {"requests.rule",
-       "what becomes of another operator's request for a drone that this ground holds, once it is older than after_s: "
-       "hand_over gives it to the highest priority, in flight too; none: the log says it, and a person answers with "
-       "ledgerline control"},
+       "another operator's request for a held drone, once older than after_s: hand_over gives it to the highest "
+       "priority, in flight too; none: it is logged, and a person answers with `ledgerline control`"},
       {"none", "hand_over", "deny"}, "none");
   if (rule == "hand_over") flight.request_rule = RequestRule::hand_over;
   if (rule == "deny") flight.request_rule = RequestRule::deny;
   flight.request_after_ns =
-      from_seconds(config.number({"requests.after_s", "so long a person may answer first"}, 10, 0, 3600));
+      from_seconds(config.number({"requests.after_s", "for a person to answer first"}, 10, 0, 3600));
 }
 
 }  // namespace
@@ -143,10 +128,10 @@ FlightConfig flight_config(Config& config) {
   read_plugin(config, flight);
   for (std::size_t i = 0; i < config.table_count({"drone", "one for each drone that is to fly"}); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
-    flight.drones.push_back(
-        {config.text({key + "name", "as it is enrolled on the ledger"}),
-         static_cast<DroneNumber>(config.integer({key + "number", "as link and agent have it", "its place in the file"},
-                                                 static_cast<int>(i) + 1, 1, max_drones))});
+    flight.drones.push_back({config.text({key + "name", "as enrolled on the ledger"}),
+                             static_cast<DroneNumber>(
+                                 config.integer({key + "number", "as in link.toml and agent.toml", "place in the file"},
+                                                static_cast<int>(i) + 1, 1, max_drones))});
     const std::string& name = flight.drones.back().name;
     if (!name.empty() && !contract::is_drone_name(name)) config.wrong(key + "name", contract::drone_name_rule);
     read_task(config, key, flight, flight.drones.back());
@@ -176,9 +161,9 @@ bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>&
 OutputSettings output_settings(Config& config) {
   OutputSettings output;
   output.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
-  output.summary = config.text({"output.summary", "file with all counts, JSON, written at the end"}, "");
+  output.summary = config.text({"output.summary", "JSON file of all counts, written at the end"}, "");
   output.status_period_ns =
-      config.integer({"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"}, 250, 0,
+      config.integer({"output.status_period_ms", "between JSON status lines on standard output; 0: none"}, 250, 0,
                      60'000) *
       ns_per_ms;
   return output;
@@ -187,39 +172,35 @@ OutputSettings output_settings(Config& config) {
 service::ServiceSettings service_settings(Config& config) {
   service::ServiceSettings settings;
   settings.listen = config.text({"service.listen",
-                                 "ADDRESS:PORT of the page and the API (docs/station.md), without TLS of this computer "
-                                 "alone (127.0.0.1:8800; port 0: any); none: no page"},
+                                 "ADDRESS:PORT of page and API (docs/station.md), without TLS of this computer alone "
+                                 "(127.0.0.1:8800; port 0: any); none: no page"},
                                 "");
-  settings.token_file = config.text(
-      {"service.token_file", "file of the page's token, made where it is missing: anyone who may read it may fly"}, "");
-  settings.tls.certificate =
-      config.text({"service.tls_certificate",
-                   "PEM file of the page's certificate and those between it and its authority, taken again when it "
-                   "changes; none: no TLS"},
+  settings.token_file =
+      config.text({"service.token_file", "of the page's token, made if missing: its readers may fly"}, "");
+  settings.tls.certificate = config.text(
+      {"service.tls_certificate",
+       "PEM file of the page's certificate and its intermediates, read again when it changes; none: no TLS"},
+      "");
+  settings.tls.key = config.text({"service.tls_key", "PEM file of its key; as [ledger] private_key"}, "");
+  settings.tls.authority = config.text(
+      {"service.tls_client_ca",
+       "PEM file of the authority of the certificates that browsers and programs must have; none: they need none"},
+      "");
+  settings.names = config.texts(
+      {"service.names", "hosts and addresses of the page's URL, the shown one first, beside listen and localhost"},
+      service::max_names);
+  settings.operators =
+      config.text({"service.operators",
+                   "folder with an MSP folder for each operator, its key under a pass phrase: operators sign in at the "
+                   "page and sign their requests (docs/station.md); none: ground's identity signs all"},
                   "");
-  settings.tls.key =
-      config.text({"service.tls_key", "PEM file of its key; the file as for `private_key` of [ledger]"}, "");
-  settings.tls.authority =
-      config.text({"service.tls_client_ca",
-                   "PEM file of the authority whose certificates browsers and programs must have to connect; none: "
-                   "they need none"},
-                  "");
-  settings.names = config.texts({"service.names",
-                                 "host names and addresses of the page's URL, the one that it is shown with first, "
-                                 "beside what is listened on and localhost"},
-                                service::max_names);
-  settings.operators = config.text({"service.operators",
-                                    "folder with an MSP folder for each operator, its key locked by a pass phrase: "
-                                    "each signs in at the page and signs "
-                                    "what he asks for (docs/station.md); none: ground's own identity signs all"},
-                                   "");
-  settings.session_idle_ns = from_seconds(config.number(
-      {"service.session_idle_s", "an operator of whom nothing is heard for so long is signed out, and his drones land"},
-      900, 10, 86'400));
-  settings.faults = config.text({"service.faults",
-                                 "Unix socket of who switches faults of a simulated flight, which the page then "
-                                 "does, too: ./fly sets it (docs/station.md); none: there are none"},
-                                "");
+  settings.session_idle_ns = from_seconds(
+      config.number({"service.session_idle_s", "an operator silent for so long is signed out, and his drones land"},
+                    900, 10, 86'400));
+  settings.faults = config.text(
+      {"service.faults",
+       "Unix socket of a simulated flight's faults, for the page's switches; ./fly sets it (docs/station.md)"},
+      "");
   if (settings.listen.empty()) return settings;
   for (const service::Fault& fault : service::faults_of(settings)) config.wrong("service." + fault.key, fault.what);
   return settings;
@@ -229,39 +210,36 @@ service::MissionSettings mission_settings(Config& config) {
   service::MissionSettings settings;
   settings.folder =
       config.text({"mission.folder",
-                   "where missions are kept, so that a ground that is started again goes on with them; none: it "
-                   "knows none, and what is in the air hovers"},
+                   "of missions, so that a restarted ground goes on with them; none: what is in the air then hovers"},
                   "");
   mission::RunConfig& run = settings.run;
   run.required_approvals = static_cast<int>(config.integer(
-      {"mission.approvals", "so many different signers must have approved a mission before it starts"}, 1, 1, 2));
+      {"mission.approvals", "different signers that must have approved a mission before it starts"}, 1, 1, 2));
   settings.approvers =
-      config.texts({"mission.approvers", "MSP ids whose members' approvals count; none: our own organisation's"}, 16);
+      config.texts({"mission.approvers", "MSP ids whose members approve; none: our own organisation's"}, 16);
   settings.approval_s = std::lround(
       3600 *
       config.number({"mission.approval_hours",
-                     "so old an approval is at most when it counts; half of it at least. It is of this ground alone"},
+                     "an approval ends after so long at most, and half of it at least; it is of this ground alone"},
                     24, 0.5, 8'760));
-  const std::string on_loss =
-      config.choice({"mission.on_loss", "what the others do when a drone of their mission is lost"},
-                    {"hover", "land", "go_on"}, "hover");
+  const std::string on_loss = config.choice({"mission.on_loss", "of the others, when a drone of their mission is lost"},
+                                            {"hover", "land", "go_on"}, "hover");
   run.on_loss = on_loss == "land"    ? mission::OnLoss::land
                 : on_loss == "go_on" ? mission::OnLoss::go_on
                                      : mission::OnLoss::hover;
-  const std::string after = config.choice(
-      {"mission.after_restart", "what drones of a mission do that a ground which was started again finds in the air"},
-      {"hover", "land", "go_on"}, "hover");
+  const std::string after =
+      config.choice({"mission.after_restart", "of a mission's drones that a restarted ground finds in the air"},
+                    {"hover", "land", "go_on"}, "hover");
   run.after_restart = after == "land"    ? mission::AfterRestart::land
                       : after == "go_on" ? mission::AfterRestart::go_on
                                          : mission::AfterRestart::hover;
   mission::CheckConfig& check = settings.check;
   mission::Fence fence;
-  const auto low = config.numbers({"mission.fence_min_m",
-                                   "corner of the box that missions are checked against, x, y, z "
-                                   "in `map`: as [fence] of link.toml",
-                                   "not checked"},
-                                  3, {});
-  const auto high = config.numbers({"mission.fence_max_m", "the opposite corner", "not checked"}, 3, {});
+  const auto low =
+      config.numbers({"mission.fence_min_m",
+                      "corner of the box that missions are checked against, as link's fence.min_m", "not checked"},
+                     3, {});
+  const auto high = config.numbers({"mission.fence_max_m", "its other corner", "not checked"}, 3, {});
   if (low.size() != high.size()) config.wrong("mission.fence_min_m", "must be there with fence_max_m");
   if (low.size() == 3 && high.size() == 3) {
     std::copy(low.begin(), low.end(), fence.min_m.begin());
@@ -277,15 +255,13 @@ PilotSettings pilot_settings(Config& config, bool has_operators, bool has_dds_se
   PilotSettings settings;
   settings.topics =
       config
-          .boolean(
-              {"pilot.topics",
-               "pilots' ROS 2 topics are read: anyone who can write them flies, on loopback every user of this host",
-               "true; false with [service] operators"})
+          .boolean({"pilot.topics",
+                    "pilots' ROS 2 topics are read: their writers fly, on loopback every user of this host",
+                    "true; false with operators"})
           .value_or(!has_operators);
-  const auto emergency = config.boolean({"pilot.emergency",
-                                         "`/<drone>/emergency` among them, motors off in the air, too: nobody is asked "
-                                         "twice there",
-                                         "false; true with DDS Security"});
+  const auto emergency = config.boolean(
+      {"pilot.emergency", "`/<drone>/emergency`, too: motors off, in the air as well, without asking twice",
+       "false; true with DDS Security"});
   settings.emergency = emergency.value_or(has_dds_security) && settings.topics;
   if (emergency.value_or(false) && !settings.topics)
     config.wrong("pilot.emergency", "must not be true without topics = true");
@@ -301,11 +277,10 @@ std::vector<const PilotTopic*> topics_read(const PilotSettings& settings) {
 }
 
 std::string checkpoint_path(Config& config) {
-  return config.text(
-      {"output.checkpoint",
-       "file, of this ground alone, with the newest block that was verified: a peer that serves an older "
-       "chain, or another one, is refused at the next start; none: each start begins from nothing"},
-      "");
+  return config.text({"output.checkpoint",
+                      "file, of this ground alone, of the newest verified block: the next start refuses a peer with an "
+                      "older chain or another one"},
+                     "");
 }
 
 std::string status_line(const FlightView& flights, std::optional<std::int64_t> certificate_days) {

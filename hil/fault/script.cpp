@@ -160,9 +160,9 @@ TimeNs duration(Config& config, const Key& key, TimeNs otherwise, TimeNs least, 
 constexpr std::array<std::string_view, 3> after_restart_names{"hover", "land", "go_on"};  // AfterRestart
 
 void read_after_restart(Config& config, WorldConfig& flight) {
-  const std::string name = config.choice(
-      {"flight.after_restart", "what drones of a mission do that a ground which was started again finds in the air"},
-      {"hover", "land", "go_on"}, "hover");
+  const std::string name =
+      config.choice({"flight.after_restart", "of a mission's drones that a restarted ground finds in the air"},
+                    {"hover", "land", "go_on"}, "hover");
   const auto found = std::find(after_restart_names.begin(), after_restart_names.end(), name);
   if (found != after_restart_names.end())
     flight.after_restart = static_cast<ground::mission::AfterRestart>(found - after_restart_names.begin());

@@ -48,7 +48,7 @@ sockaddr_in host_and_port(Config& config, const Key& key, unsigned min_port) {
 
 /// A name is a word of a command.
 std::string name(Config& config, const std::string& key, std::set<std::string>& names) {
-  const std::string name = config.text({key, "what commands call it: one word, which no other has"});
+  const std::string name = config.text({key, "what commands call it: one word, unique"});
   if (name == "*" || name.find_first_of(" \t,") != std::string::npos)
     config.wrong(key, "must be one word without a comma, and not *");
   else if (!name.empty() && !names.insert(name).second)
@@ -106,15 +106,16 @@ std::vector<ScriptedFault> read_faults(Config& config, const std::vector<Target>
 Result<Settings> read_settings(Config& config) {
   Settings settings;
   settings.seed = static_cast<std::uint64_t>(
-      config.integer({"proxy.seed", "of all chance: the same seed and the same traffic lose the same datagrams"}, 1, 0,
+      config.integer({"proxy.seed", "of all chance: the same seed and traffic lose the same datagrams"}, 1, 0,
                      std::numeric_limits<std::int64_t>::max()));
   settings.faults_socket = config.text({"proxy.faults", "Unix socket for commands, mode 0600"}, "");
-  settings.summary_file = config.text({"proxy.summary", "file with all counts, JSON, written at the end"}, "");
-  settings.source = host(config, "proxy.source",
-                         config.text({"proxy.source",
-                                      "IPv4: own address toward drones, where state (8890) and video (11111) arrive; "
-                                      "beside link on one host, one of its own"},
-                                     "0.0.0.0"));
+  settings.summary_file = config.text({"proxy.summary", "JSON file of all counts, written at the end"}, "");
+  settings.source =
+      host(config, "proxy.source",
+           config.text(
+               {"proxy.source",
+                "own IPv4 toward drones, for state (8890) and video (11111); beside link on one host, one of its own"},
+               "0.0.0.0"));
   std::set<std::string> drones, servers;
   const std::size_t drone_count = config.table_count({"drone", "UDP, a drone to stand before"}),
                     server_count = config.table_count({"server", "TCP, a server to stand before"});
@@ -126,7 +127,7 @@ Result<Settings> read_settings(Config& config) {
     DroneRoute route;
     route.name = name(config, table + "name", drones);
     route.listen = host(config, table + "listen",
-                        config.text({table + "listen", "IPv4 that clients fly, port 8889; each drone needs its own"}));
+                        config.text({table + "listen", "IPv4 that clients fly, port 8889; one for each drone"}));
     route.address = host(config, table + "address", config.text({table + "address", "IPv4 of the drone"}));
     settings.drones.push_back(route);
   }
@@ -135,8 +136,7 @@ Result<Settings> read_settings(Config& config) {
     ServerRoute route;
     route.name = name(config, table + "name", servers);
     route.listen = host_and_port(
-        config, {table + "listen", "IPv4:PORT that clients are given; port 0: a free one, which standard output tells"},
-        0);
+        config, {table + "listen", "IPv4:PORT for clients; port 0: a free one, told on standard output"}, 0);
     route.address = host_and_port(config, {table + "address", "IPv4:PORT of the server"}, 1);
     settings.servers.push_back(route);
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <iterator>
 
 #include "chaincode/endorser/shell/settings.hpp"
 #include "chaincode/network/options.hpp"
@@ -128,9 +129,9 @@ const std::vector<Source>& sources() {
        [](Config& config) { return status_of(network::read_options(config, network::Options{})); }},
       {"deployment",
        "`deployment.toml`: [which hosts, drones, ledger](three-machines.md#what-is-where). A file without `[[host]]` "
-       "has `[[drone]]`, `[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are "
-       "there "
-       "already](fly.md#real-drones).",
+       "describes [drones that are there already](fly.md#real-drones): only there are `[pose]`, `[fence]`, `[rc]`, "
+       "`[limits]`, `[flight]`, kind `existing` with `agent`, `ground`, `admin`, and a drone's keys from `interface` "
+       "on (but no `host`).",
        {},
        read_deployment},
       {ledger,
@@ -174,10 +175,39 @@ std::string cell(std::string text) {
   return text;
 }
 
-std::string row(const KeyDescription& key) {
-  const std::string type = key.unit.empty() ? key.type : key.type + ", " + key.unit;
-  return fmt::format("| `{}` | {} | {} | {} | {} |\n", key.key, type,
-                     cell(key.usual.empty() ? "must be there" : key.usual), cell(key.allowed), cell(key.about));
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() || word.empty() ? "" : ", ") + word;
+  return text;
+}
+
+// The other choices than the default.
+std::string other_choices(const KeyDescription& key) {
+  std::vector<std::string> others;
+  for (const std::string& choice : key.choices)
+    if (choice != key.usual && '"' + choice + '"' != key.usual) others.push_back(choice);
+  return joined(others);
+}
+
+// Type, default and range, as an engineer expects them: `100 ms, 20 to 60000`, `"mocap"; or tello, pads`,
+// `text, required`.
+std::string value_of(const KeyDescription& key) {
+  const std::string usual = key.usual.empty() ? "required" : key.usual;
+  const std::string unit = key.unit.empty() ? "" : " " + key.unit;
+  const std::string whole = key.type == "whole number" ? "whole, " : "";
+  if (!key.choices.empty()) return usual + "; or " + other_choices(key);
+  const bool is_number = usual.find_first_not_of("-0123456789.e") == std::string::npos;
+  if (key.type == "number" || !whole.empty())
+    return joined({usual + (is_number ? unit : ""), whole + key.allowed + (is_number ? "" : unit)});
+  if (key.type == "numbers") {
+    if (key.usual.starts_with("[") && key.usual != "[]") return usual + unit;
+    return joined({fmt::format("{} numbers{}", key.max.value_or(0), unit.empty() ? "" : " in" + unit),
+                   key.usual == "[]" || key.usual == "none" ? "" : usual});
+  }
+  if (key.type == "texts") return joined({"list", key.usual == "[]" || key.usual == "none" ? "" : usual, key.allowed});
+  if (key.type == "true or false" && (usual.starts_with("true") || usual.starts_with("false"))) return usual;
+  if (key.usual.starts_with("\"")) return usual;
+  return joined({key.type, key.usual == "none" ? "" : usual});
 }
 
 std::string anchor(std::string name) {
@@ -219,6 +249,91 @@ Status check(const std::string& part, Config& config) {
   return rest;
 }
 
+namespace {
+
+std::vector<KeyDescription> keys_of(const Part& part, const std::string& table) {
+  std::vector<KeyDescription> keys;
+  std::copy_if(part.keys.begin(), part.keys.end(), std::back_inserter(keys),
+               [&](const KeyDescription& key) { return key.table == table && !key.key.empty(); });
+  return keys;
+}
+
+std::vector<std::string> tables_of(const Part& part) {
+  std::vector<std::string> tables;
+  for (const KeyDescription& key : part.keys)
+    if (std::find(tables.begin(), tables.end(), key.table) == tables.end()) tables.push_back(key.table);
+  return tables;
+}
+
+bool same_words(const KeyDescription& a, const KeyDescription& b) {
+  return a.key == b.key && a.usual == b.usual && a.allowed == b.allowed && a.about == b.about;
+}
+
+bool same_keys(const std::vector<KeyDescription>& a, const std::vector<KeyDescription>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), same_words);
+}
+
+std::string link_to(const std::string& part) { return fmt::format("as in [{}]({})", part, anchor(part)); }
+
+// The parts before this one, whose words it need not repeat. What several files share stands for itself.
+std::vector<Part> before(const std::vector<Part>& all, const Part& part) {
+  const auto shares = [&](const Part& other) {
+    return std::find(other.shared.begin(), other.shared.end(), part.name) != other.shared.end();
+  };
+  if (std::any_of(all.begin(), all.end(), shares)) return {};
+  const auto own = std::find_if(all.begin(), all.end(), [&](const Part& other) { return other.name == part.name; });
+  return {all.begin(), own};
+}
+
+// "as in [link](#link)", where a part before this one has the same table; "keys as of [[orderer]]", where this part has
+// them before; "": all of them are said here.
+std::string same_table_before(const std::vector<Part>& earlier, const Part& part, const std::string& table) {
+  const std::vector<KeyDescription> own = keys_of(part, table);
+  for (const Part& other : earlier) {
+    if (own.size() > 1 && same_keys(own, keys_of(other, table))) return link_to(other.name);
+  }
+  for (const std::string& before : tables_of(part)) {
+    if (before == table) break;
+    if (same_keys(own, keys_of(part, before))) return "keys as of " + before;
+  }
+  return "";
+}
+
+// Beyond so many letters a key is not said again, though the table of before has another name.
+constexpr std::size_t long_words = 40;
+
+// A row for each key; for keys that stand one after another, one: those that a part before this one has in the same
+// words, and those with the same value and meaning.
+std::string rows(const std::vector<Part>& earlier, const Part& part, const std::string& table) {
+  struct Row {
+    std::string keys, value, about;
+  };
+  std::vector<Row> rows;
+  for (const KeyDescription& key : keys_of(part, table)) {
+    Row next{fmt::format("`{}`", key.key), value_of(key), key.about};
+    for (const Part& other : earlier) {
+      const auto same = std::find_if(other.keys.begin(), other.keys.end(), [&](const KeyDescription& one) {
+        return same_words(one, key) && (one.table == table || key.about.size() > long_words);
+      });
+      if (same == other.keys.end()) continue;
+      next.value.clear();
+      next.about = link_to(other.name) + (same->table == table ? "" : ", " + same->table);
+      break;
+    }
+    if (!rows.empty() && rows.back().value == next.value && rows.back().about == next.about)
+      rows.back().keys += ", " + next.keys;
+    else
+      rows.push_back(std::move(next));
+  }
+  std::string text;
+  for (const Row& row : rows)
+    text +=
+        fmt::format("| {} |{}{} | {} |\n", row.keys, row.value.empty() ? "" : " ", cell(row.value), cell(row.about));
+  return text;
+}
+
+}  // namespace
+
 std::string show(const Part& part) {
   std::string text = fmt::format("## {}\n{}\n", part.name, part.words);
   for (const std::string& shared : part.shared) {
@@ -227,20 +342,16 @@ std::string show(const Part& part) {
   }
   if (!part.shared.empty()) text += ".\n";
   if (part.keys.empty()) return text;
-  text += "\n| key | type | default | allowed | what it does, and why so |\n| --- | --- | --- | --- | --- |\n";
-  std::vector<std::string> tables;
-  for (const KeyDescription& key : part.keys) {
-    if (std::find(tables.begin(), tables.end(), key.table) == tables.end()) tables.push_back(key.table);
-  }
-  for (const std::string& table : tables) {
-    const auto in_table = [&](const KeyDescription& key) { return key.table == table; };
+  text += "\n| key | value | what it does |\n| --- | --- | --- |\n";
+  const std::vector<Part> earlier = before(parts(), part);
+  for (const std::string& table : tables_of(part)) {
     const auto about = std::find_if(part.keys.begin(), part.keys.end(),
-                                    [&](const auto& key) { return in_table(key) && key.key.empty(); });
-    if (!table.empty())
-      text += fmt::format("| **{}** | | | | {} |\n", table, about == part.keys.end() ? "" : cell(about->about));
-    for (const KeyDescription& key : part.keys) {
-      if (in_table(key) && !key.key.empty()) text += row(key);
-    }
+                                    [&](const auto& key) { return key.table == table && key.key.empty(); });
+    const std::string same = same_table_before(earlier, part, table);
+    std::string words = about == part.keys.end() ? "" : about->about;
+    if (!same.empty()) words += (words.empty() ? "" : "; ") + same;
+    if (!table.empty()) text += fmt::format("| **{}** | |{}{} |\n", table, words.empty() ? "" : " ", cell(words));
+    if (same.empty()) text += rows(earlier, part, table);
   }
   return text;
 }
@@ -248,17 +359,14 @@ std::string show(const Part& part) {
 std::string page() {
   std::string text =
       "# Every key of every program\n\n"
-      "Made by `ledgerline configuration` out of what the programs' readers ask for, so it cannot lag behind them; a "
-      "test "
-      "compares. Change a\nreader, then `build/release/bin/ledgerline configuration > docs/configuration.md`.\n\n"
-      "Files are TOML. A key that is missing has its default; one that is unknown, of the wrong type or out of its "
-      "range is an "
-      "error that names file,\nline and key, and the program does not start. Relative paths count from where the "
-      "program was "
-      "started. `./fly` writes a file for each of\nits programs into its run's folder: an example of each. Scripts of "
-      "faults "
-      "are in [fault runs](faults.md) and [the proxy](faults.md#the-proxy), the\ntables of experiments in "
-      "[experiments](measuring.md#experiments-ledgerline-experiment).\n";
+      "Made by `ledgerline configuration` out of the programs' config readers; a test compares. Change a reader, "
+      "then\n`build/release/bin/ledgerline configuration > docs/configuration.md`.\n\n"
+      "Files are TOML. A key that is unknown, of the wrong type or out of its range is an error that names file, line "
+      "and key, and the program\ndoes not start. Relative paths count from where the program was started. `./fly` "
+      "writes a file for each of its programs into its run's\nfolder. Scripts of faults are in [fault "
+      "runs](faults.md), the tables of experiments in [experiments](measuring.md#experiments-ledgerline-experiment)."
+      "\n\n`value`: the default (in words where it depends on other things), then what is allowed. `required` has no "
+      "default; a bare `text` or `list` (of texts)\nis none. Numbers may have fractions, but for `whole` ones.\n";
   for (const Part& part : parts()) text += "\n" + show(part);
   return text;
 }

@@ -68,8 +68,7 @@ std::vector<Host> read_hosts(Config& config, std::size_t count) {
     host.name = unique_name(config, {key + "name", "what the tables below call it"}, names);
     host.address = address(config, {key + "address", "IPv4, as the other hosts reach it"});
     host.roles = read_roles(config, key + "roles");
-    host.organisation =
-        config.text({key + "organisation", "id of the [[organisation]] whose identity its programs have"}, "");
+    host.organisation = config.text({key + "organisation", "[[organisation]] whose identity its programs have"}, "");
     hosts.push_back(std::move(host));
   }
   return hosts;
@@ -77,8 +76,8 @@ std::vector<Host> read_hosts(Config& config, std::size_t count) {
 
 Endpoint read_endpoint(Config& config, const std::string& key, const Deployment& deployment) {
   const std::string host = host_with(config, {key + "host", "of role ledger"}, Role::ledger, deployment);
-  return {host, static_cast<std::uint16_t>(config.integer(
-                    {key + "port", "its first; 0: free ones are looked for, where all is on one host"}, 0, 0, 65'535))};
+  return {host, static_cast<std::uint16_t>(
+                    config.integer({key + "port", "its first; 0: free ones, where all is on one host"}, 0, 0, 65'535))};
 }
 
 void read_ledger(Config& config, Deployment& out) {
@@ -91,7 +90,7 @@ void read_ledger(Config& config, Deployment& out) {
   out.contract = config.text({"ledger.contract", "the chaincode's name on it"}, out.contract);
   std::set<std::string> ids;
   const std::size_t organisations = config.table_count(
-      {"organisation", "of the ledger, and where its peer is; with the embedded one all have one place"});
+      {"organisation", "of the ledger, and its peer's host; with the embedded one all are on one host"});
   for (std::size_t i = 0; i < organisations; ++i) {
     const std::string key = fmt::format("organisation.{}.", i);
     const std::string id = unique_name(config, {key + "id", "such as Org1MSP"}, ids);
@@ -134,7 +133,7 @@ void read_drones(Config& config, Deployment& out) {
   for (std::size_t i = 0; i < std::min<std::size_t>(count, max_drones); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
     Drone drone;
-    drone.name = unique_name(config, {key + "name", "as it is enrolled on the ledger"}, names);
+    drone.name = unique_name(config, {key + "name", "as enrolled on the ledger"}, names);
     if (!drone.name.empty() && !contract::is_drone_name(drone.name))
       config.wrong(key + "name", contract::drone_name_rule);
     drone.host = host_with(config, {key + "host", "of role drone-host: who flies it"}, Role::drone_host, out);

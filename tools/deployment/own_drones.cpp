@@ -30,19 +30,18 @@ std::vector<OwnDrone> read_each(Config& config) {
   for (std::size_t i = 0; i < std::min<std::size_t>(count, max_drones); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
     OwnDrone drone;
-    const Key name{key + "name", "as it is enrolled on the ledger"};
-    const Key behind{key + "interface",
-                     "without [[host]]: network interface that the drone is behind, for link's config"};
-    const Key serial{key + "serial", "without [[host]]: what the drone must answer to `sn?`, for link's config"};
+    const Key name{key + "name", "as enrolled on the ledger"};
+    const Key behind{key + "interface", "for link's config, as its interface"};
+    const Key serial{key + "serial", "required answer to `sn?`, for link's config"};
     drone.name = plain_text(config, name, config.text(name));
     drone.address = config.text({key + "address", "IPv4, as its host reaches it"});
     drone.interface = plain_text(config, behind, config.text(behind, ""));
     drone.serial = plain_text(config, serial, config.text(serial, ""));
-    const auto start = config.numbers(
-        {key + "start_m", "without [[host]]: where it stands, x, y, z in `map`, for its own odometry"}, 3, {0, 0, 0});
+    const auto start =
+        config.numbers({key + "start_m", "where it stands, x, y, z in `map`, for onboard odometry"}, 3, {0, 0, 0});
     std::copy_n(start.begin(), std::min<std::size_t>(3, start.size()), drone.start_m.begin());
-    drone.start_yaw_rad = config.number(
-        {key + "start_yaw_rad", "without [[host]]: where its nose points then, counter-clockwise from x"}, 0, -7, 7);
+    drone.start_yaw_rad =
+        config.number({key + "start_yaw_rad", "where its nose points then, counter-clockwise from x"}, 0, -7, 7);
     in_addr ip{};
     if (!drone.address.empty() && ::inet_pton(AF_INET, drone.address.c_str(), &ip) != 1)
       config.wrong(key + "address", fmt::format("is \"{}\", must be an IPv4 address", drone.address));
@@ -57,12 +56,10 @@ std::vector<OwnDrone> read_each(Config& config) {
 
 // Of motion capture agent knows; of anything else link does, or refuses it.
 void read_pose(Config& config, OwnDrones& out) {
-  out.pose_source = config.text({"pose.source",
-                                 "without [[host]]: who says where drones are: mocap, or another one that link's "
-                                 "[pose] knows; none: nobody, they are flown by hand (flight.shape manual)"});
-  const Key topic_key{"pose.topic", "of mocap: where its poses come, as agent's mocap.topic; \"\": agent's default"};
-  const Key clock_key{"pose.clock",
-                      "of mocap: whose clock its stamps are of, as agent's mocap.clock; \"\": agent's default"};
+  out.pose_source = config.text(
+      {"pose.source", "as link's pose.source, with its [pose] keys; none: flown by hand (flight.shape manual)"});
+  const Key topic_key{"pose.topic", "of mocap: as agent's mocap.topic, its default where this is \"\""};
+  const Key clock_key{"pose.clock", "of mocap: as agent's mocap.clock, its default where this is \"\""};
   const std::string topic = plain_text(config, topic_key, config.text(topic_key, ""));
   const std::string clock = plain_text(config, clock_key, config.text(clock_key, ""));
   if (config.is_describing()) return;
@@ -140,10 +137,9 @@ void read_own_ledger(Config& config, OwnDrones& out) {
                     {embedded, fabric, existing}, embedded);
   const Key keys[] = {
       {"ledger.agent",
-       "without [[host]], of kind \"existing\": file with agent's [ledger], [[orderer]], [[endorser]], [[peer]], "
-       "[[msp]]"},
-      {"ledger.ground", "likewise with ground's, whose identity acquires the drones"},
-      {"ledger.admin", "likewise of who enrols agent for the drones; \"\": that was done"}};
+       "of kind \"existing\": file with agent's [ledger], [[orderer]], [[endorser]], [[peer]], [[msp]]"},
+      {"ledger.ground", "likewise ground's, whose identity acquires the drones"},
+      {"ledger.admin", "likewise of who enrols agent for the drones; \"\": done already"}};
   std::string paths[3];
   for (std::size_t i = 0; i < 3; ++i) paths[i] = config.text(keys[i], "");
   if (config.is_describing()) return;
@@ -167,19 +163,15 @@ void read_own_ledger(Config& config, OwnDrones& out) {
 
 void read_flight(Config& config, OwnDrones& out) {
   OwnFlight& flight = out.flight;
-  flight.shape = config.text({"flight.shape",
-                              "without [[host]], as each key here: what --shape takes: square, triangle, x, eight, a "
-                              "file of waypoints, manual"},
+  flight.shape = config.text({"flight.shape", "as --shape: square, triangle, x, eight, a file of waypoints, manual"},
                              flight.shape);
   flight.side_m = config.number({"flight.side_m", "of the shape"}, flight.side_m, 0.5, 15);
   flight.speed_mps =
       config.number({"flight.speed_mps", "along the path; not above limits.speed_mps"}, flight.speed_mps, 0.05, 5);
-  flight.wait_ns =
-      from_seconds(config.number({"flight.wait_s", "for all drones to be there before take-off, or none takes off"},
-                                 to_seconds(flight.wait_ns), 1, 600));
+  flight.wait_ns = from_seconds(config.number({"flight.wait_s", "for all drones to be there, or none takes off"},
+                                              to_seconds(flight.wait_ns), 1, 600));
   const double lag_s = config.number(
-      {"flight.lag_s", "of the drones' answer to a velocity, until it was learned in flight; 0: ground's default"}, 0,
-      0, 2);
+      {"flight.lag_s", "of the drones' answer to a velocity, until learned in flight; 0: ground's default"}, 0, 0, 2);
   if (lag_s > 0) flight.lag_s = lag_s;
   flight.laps = static_cast<int>(config.integer({"flight.laps", "to fly"}, flight.laps, 1, 1000));
   if (!config.is_describing() && flight.speed_mps > static_cast<double>(out.link.playout.max_speed_mps))
@@ -196,10 +188,8 @@ namespace {
 
 /// What a flight has measured counts as if it stood in this file.
 void add_calibration(Config& config) {
-  const Key key{
-      "calibration",
-      "without [[host]]: file that `ledgerline tello calibrate` wrote; its [rc], [pose] and [flight] count as "
-      "if they stood here"};
+  const Key key{"calibration",
+                "file of `ledgerline tello calibrate`; its [rc], [pose] and [flight] count as if they stood here"};
   const std::string path = config.text(key, "");
   if (path.empty()) return;
   auto measured = Config::load(path);

@@ -34,14 +34,13 @@ bool is_segment(const std::string& name) {
 Rule read_rule(Config& config, const std::string& at) {
   Rule rule;
   rule.name = config.text(
-      {at + "name",
-       "ROS 2 topic; * stands for any characters, / too. The first [[topic]] that matches, in a direction, decides"});
+      {at + "name", "* stands for any characters, / too. The first [[topic]] that matches, in a direction, decides"});
   if (!rule.name.empty() && !is_pattern(rule.name)) {
     config.wrong(at + "name", fmt::format("is \"{}\", must be a ROS 2 topic as in /a/b: a-z, A-Z, 0-9, _ and /, and * "
                                           "for any characters",
                                           rule.name));
   }
-  rule.type = config.text({at + "type", "as in std_msgs/msg/String: another type is not carried", "any"}, "");
+  rule.type = config.text({at + "type", "as std_msgs/msg/String: another type is not carried", "any"}, "");
   if (!rule.type.empty() && !is_ros_type(rule.type)) {
     config.wrong(at + "type", fmt::format("is \"{}\", must be as in std_msgs/msg/String", rule.type));
   }
@@ -49,11 +48,10 @@ Rule read_rule(Config& config, const std::string& at) {
       config.choice({at + "direction", "of what it carries"}, {"to_ledger", "from_ledger", "both"}, "both");
   rule.to_ledger = direction != "from_ledger";
   rule.from_ledger = direction != "to_ledger";
-  rule.from = config.text({at + "from",
-                           "whose is taken from the ledger: first segment of the ids, an organisation's MSP id or an "
-                           "enrolled name; *: anybody's",
-                           "must be there for what comes from the ledger"},
-                          "");
+  rule.from = config.text(
+      {at + "from", "whose: first segment of the ids, an organisation's MSP id or an enrolled name; *: anybody's",
+       "required for what comes from the ledger"},
+      "");
   if (!rule.from.empty() && rule.from != anybody && !is_segment(rule.from)) {
     config.wrong(at + "from",
                  fmt::format("is \"{}\", must be an organisation's MSP id or an enrolled name, or \"*\" for anybody's",
@@ -66,20 +64,19 @@ Rule read_rule(Config& config, const std::string& at) {
                              rule.name));
   }
   rule.channel = config.text(
-      {at + "channel", "of Fabric; each has transactions, blocks and pacing of its own", "that of [ledger]"}, "");
-  rule.config_block =
-      config.text({at + "config_block",
-                   "trust anchor of a channel of its own, as config_block of [ledger]: one topic of the "
-                   "channel names it; none: the blocks of the channel are taken unverified"},
-                  "");
+      {at + "channel", "of Fabric; each has its own transactions, blocks and pacing", "that of [ledger]"}, "");
+  rule.config_block = config.text({at + "config_block",
+                                   "trust anchor of its channel, as config_block of [ledger]: one topic of the channel "
+                                   "names it; none: its blocks are taken unverified"},
+                                  "");
   if (rule.channel.empty() && !rule.config_block.empty())
     config.wrong(at + "config_block", "is of a channel of its own; that of [ledger] has its own key there");
   rule.latest =
       config.choice({at + "keep", "latest: only the newest message waits"}, {"all", "latest"}, "all") == "latest";
   rule.latched = config.boolean(
-      {at + "latched", "who comes late gets the last value, from the ledger and on DDS (transient local)"}, false);
+      {at + "latched", "latecomers get the last value, from the ledger and on DDS (transient local)"}, false);
   rule.stream = config.boolean(
-      {at + "stream", "rides in this host's one frame; for topics below a name in [[enrolled]]; not with latched"},
+      {at + "stream", "rides in this host's one batch; for topics below a name in [[enrolled]]; not with latched"},
       false);
   rule.rate_hz = config.number({at + "rate_hz", "at most so many a second; 0: all"}, 0, 0, 10'000);
   rule.every = static_cast<int>(config.integer({at + "every", "every n-th message"}, 1, 1, 1'000'000));
@@ -88,8 +85,7 @@ Rule read_rule(Config& config, const std::string& at) {
       {at + "queue", "messages that may wait (and 8 MB), then the oldest is dropped; 1 with keep = \"latest\""},
       default_queue, 1, max_queued));
   if (rule.latest) rule.queue = 1;
-  rule.reliable =
-      config.boolean({at + "reliable", "DDS's reliability; what a * finds is read as its writers offer it"}, true);
+  rule.reliable = config.boolean({at + "reliable", "DDS's reliability; what a * finds has its writers'"}, true);
   rule.depth =
       static_cast<int>(config.integer({at + "depth", "of DDS's history", "queue, latched: 1"},
                                       rule.latched ? 1 : static_cast<std::int64_t>(rule.queue), 1, max_queued));
@@ -134,33 +130,32 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
     out.rules = rules_of(*host);
   }
   out.name = config.text({"bridge.name", "tells bridges of one identity apart"}, "");
-  out.min_gap_ns = from_seconds(
-      config.number({"bridge.min_gap_ms",
-                     "between two transactions of a kind: shorter makes more of them with fewer messages each"},
-                    10, 0, 10'000) *
-      1e-3);
-  out.bulk_share = config.number({"bridge.bulk_share",
-                                  "share of the time that messages above 8 kB are in flight while small ones of higher "
-                                  "priority are: a p99 does not see 0.005"},
-                                 out.bulk_share, 0.001, 1);
+  out.min_gap_ns =
+      from_seconds(config.number({"bridge.min_gap_ms",
+                                  "between two transactions of a kind: shorter makes more of them with fewer messages"},
+                                 10, 0, 10'000) *
+                   1e-3);
+  out.bulk_share = config.number(
+      {"bridge.bulk_share",
+       "share of the time that messages above 8 kB are in flight while small ones of higher priority are"},
+      out.bulk_share, 0.001, 1);
   out.status_file = config.text({"output.status", "file for `ledgerline topics`"}, "");
   out.status_period_ns =
       host ? ns_per_s
-           : config.integer(
-                 {"output.status_period_ms",
-                  "between two statuses, on standard output and in the file; beside agent's and ground's work: 1,000"},
-                 1'000, 10, 60'000) *
+           : config.integer({"output.status_period_ms",
+                             "between statuses, on standard output and in the file; within agent and ground 1,000"},
+                            1'000, 10, 60'000) *
                  ns_per_ms;
   if (!host)
-    out.checkpoint = config.text(
-        {"output.checkpoint",
-         "file, of this bridge alone, with the newest block that was verified; a channel that is not [ledger]'s has "
-         "FILE.CHANNEL. A peer that serves an older chain, or another one, is refused at the next start; none: each "
-         "start begins from nothing. Beside agent's and ground's work: their own file's name and .bridge"},
-        "");
-  for (std::size_t i = 0; i < config.table_count({"enrolled",
-                                                  "a name that is enrolled to this identity: topics below /NAME/ have "
-                                                  "the id NAME/..., all others MSPID/..."});
+    out.checkpoint = config.text({"output.checkpoint",
+                                  "file, of this bridge alone, of the newest verified block (another channel's is "
+                                  "FILE.CHANNEL): the next start refuses a peer with an older chain or another one. "
+                                  "Within agent and ground: their own file's name and .bridge"},
+                                 "");
+  for (std::size_t i = 0;
+       i < config.table_count(
+               {"enrolled",
+                "a name enrolled to this identity: topics below /NAME/ have the id NAME/..., others MSPID/..."});
        ++i) {
     const std::string key = fmt::format("enrolled.{}.name", i);
     out.enrolled.push_back(config.text({key, "one segment of an id: [A-Za-z0-9_.-]"}));

@@ -53,115 +53,102 @@ Enum read_choice(Config& config, const Key& key, Enum otherwise) {
 }
 
 void read_limits(Config& config, PlayoutSettings& playout) {
-  read_number(
-      config, "limits.speed_mps", playout.max_speed_mps, 0.05, 10,
-      "upper bound of the horizontal velocity, whatever a plan says; above what rc 100 means it bounds nothing");
+  read_number(config, "limits.speed_mps", playout.max_speed_mps, 0.05, 10,
+              "horizontal, whatever a plan says; above rc.full_scale_mps it bounds nothing");
   read_number(config, "limits.vertical_mps", playout.max_vertical_mps, 0.05, 10,
-              "upper bound of climbing and sinking: what rc 100 means, so that a higher one bounds nothing");
-  read_number(
-      config, "limits.acceleration_mps2", playout.max_acceleration_mps2, 0.1, 50,
-      "how fast the velocity asked for may change, and the ramp to zero of a hold: lower stops later. Ground must "
-      "know the same (its flight.max_acceleration_mps2)");
+              "climbing and sinking; above rc.full_scale_mps it bounds nothing");
+  read_number(config, "limits.acceleration_mps2", playout.max_acceleration_mps2, 0.1, 50,
+              "of the commanded velocity, and of a hold's ramp to zero: lower stops later. The same in ground's "
+              "flight.max_acceleration_mps2");
   read_number(config, "limits.yaw_rate_radps", playout.max_yaw_rate_radps, 0.01, 10,
-              "upper bound of turning: what rc 100 means, so that nothing is cut short there");
+              "turning; above rc.full_scale_radps it bounds nothing");
   read_number(config, "limits.yaw_acceleration_radps2", playout.max_yaw_acceleration_radps2, 0.1, 100,
-              "how fast the rate of turning may change");
+              "change of the turning rate");
 }
 
 void read_playout(Config& config, PlayoutSettings& playout) {
   read_ms(config, "playout.max_age_ms", playout.max_age_ns, 10, 60'000,
-          "a plan made from an older state is dropped: longer flies by what is no longer true, shorter than the "
-          "two-way latency drops every plan");
+          "a plan from an older state is dropped; below the two-way latency every plan is");
   read_ms(config, "playout.max_ahead_ms", playout.max_ahead_ns, 10, 60'000,
-          "a setpoint meant for later than this is a bad value, such as of a wrong clock");
+          "a setpoint for later than this counts as bad, as of a wrong clock");
   read_ms(config, "playout.max_margin_ms", playout.max_margin_ns, 0, 10'000,
-          "upper bound of the adaptive playout margin, by which setpoints wait so that late ones still come in order; "
-          "0 disables it, as in a flight around a path, where ground chooses the moment");
+          "bound of the adaptive playout margin, for which setpoints wait so that late ones come in order; 0: none, as "
+          "in flights around a path");
 }
 
 void read_rc(Config& config, RcSettings& rc) {
   read_number(config, "rc.full_scale_mps", rc.full_scale_mps, 0.1, 20,
-              "the velocity that rc 100 means; not documented by the maker, clients take rc as cm/s");
-  read_number(config, "rc.full_scale_radps", rc.full_scale_radps, 0.1, 20,
-              "the rate of turning that rc 100 means: 100 degrees/s");
-  const auto signs =
-      config.numbers({"rc.signs", "sign of each rc channel against left, forward, up, counter-clockwise"}, 4,
-                     {rc.signs[0], rc.signs[1], rc.signs[2], rc.signs[3]});
+              "the velocity of rc 100; undocumented, clients take rc as cm/s");
+  read_number(config, "rc.full_scale_radps", rc.full_scale_radps, 0.1, 20, "the turning rate of rc 100: 100 degrees/s");
+  const auto signs = config.numbers({"rc.signs", "of the rc channels against left, forward, up, counter-clockwise"}, 4,
+                                    {rc.signs[0], rc.signs[1], rc.signs[2], rc.signs[3]});
   for (std::size_t i = 0; i < 4 && i < signs.size(); ++i) rc.signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
 }
 
 void read_failsafe(Config& config, FailsafeSettings& failsafe) {
   read_ms(config, "failsafe.hold_grace_ms", failsafe.hold_grace_ns, 0, 5'000,
-          "from the end of the last plan until the mode says hold; the ramp to zero begins at once. Shorter reports "
-          "each plan that is a little late");
+          "from the end of the last plan to mode hold; the ramp to zero begins at once");
   read_s(config, "failsafe.land_after_s", failsafe.land_after_ns, 0.1, 600,
-         "of hold or brake without a break, then land: longer than a ledger takes to choose a new leader, and than "
-         "clear_after_ms");
+         "of hold or brake, then land; longer than a change of the ledger's leader, and than clear_after_ms");
   // At half of it, what comes each 100 ms (heartbeats, state texts) must still be in time.
   read_ms(config, "failsafe.agent_silent_ms", failsafe.agent_silent_ns, 250, 60'000,
-          "without a heartbeat of agent, it counts as gone: ten heartbeats of 50 ms. From 250, since heartbeats may be "
-          "100 ms apart");
+          "without agent's heartbeats (each 50 ms), it counts as gone");
   read_ms(config, "failsafe.state_stale_ms", failsafe.state_stale_ns, 250, 60'000,
-          "without a state text of the drone, brake: ten texts at a Tello's 10 Hz");
+          "without a state text (10 a second), brake");
   read_ms(config, "failsafe.pose_lost_ms", failsafe.pose_lost_ns, 20, 60'000,
-          "without a new pose, brake: at 1 m/s the drone goes 0.3 m unmeasured meanwhile; ground must know the same "
-          "(its flight.pose_lost_ms)");
+          "without a new pose, brake: 0.3 m unmeasured at 1 m/s. The same in ground's flight.pose_lost_ms");
   read_ms(config, "failsafe.velocity_lost_ms", failsafe.velocity_lost_ns, 250, 60'000,
-          "of a drone that is flown by onboard odometry: without a usable velocity, brake; texts come each 100 ms");
+          "with onboard odometry: without a usable velocity, brake");
   read_ms(config, "failsafe.dark_land_after_ms", failsafe.dark_land_after_ns, 0, 5'000,
-          "of a drone whose flow sees nothing and that nothing else places or holds: hovering blindly so long, then "
-          "land. Shorter lands who sees again, longer glides on in the dark");
+          "a drone whose flow sees nothing, and that nothing else places or holds, hovers blindly so long, then lands");
   read_number(config, "failsafe.fence_sigmas", failsafe.fence_sigmas, 0, 10,
               "the fence is drawn in by so many standard deviations of the position");
   read_number(config, "failsafe.min_room_m", failsafe.min_room_m, 0.1, 100,
-              "so much of the fence must then be left along x and y, or no path is flown: brake");
+              "of that fence left along x and y, else no path is flown: brake");
   read_ms(config, "failsafe.clear_after_ms", failsafe.clear_after_ns, 0, 60'000,
-          "a brake ends when its cause has been away this long; at least half of each of the limits above, or a lonely "
-          "sign of life would end it");
-  failsafe.on_untrusted_ledger = read_choice(
-      config,
-      {"failsafe.on_untrusted_ledger",
-       "when agent does not trust the ledger: brake and hover, or land, and do not take off. What cannot be trusted is "
-       "left out anyway, and a peer or relay that feeds agent blocks would bring drones down"},
-      failsafe.on_untrusted_ledger);
+          "a brake ends when its cause has been away so long; at least half of each limit above, or a single message "
+          "would end it");
+  failsafe.on_untrusted_ledger =
+      read_choice(config,
+                  {"failsafe.on_untrusted_ledger",
+                   "when agent does not trust the ledger: brake and hover, or land; no take-off. Untrusted records are "
+                   "left out anyway, and with hold or land a peer or relay can bring drones down"},
+                  failsafe.on_untrusted_ledger);
   read_number(config, "failsafe.battery_low", failsafe.battery_low, 0.01, 0.95,
-              "share of a full battery: below it a warning, and no take-off");
+              "share of a full battery: below it a warning and no take-off");
   read_number(config, "failsafe.battery_critical", failsafe.battery_critical, 0, 1,
-              "share of a full battery: below it land; below battery_low");
+              "below it land; less than battery_low");
 }
 
 // True: both corners are in the file.
 bool read_fence(Config& config, LinkSettings& link) {
   FenceSettings& fence = link.fence;
-  const auto low = config.numbers({"fence.min_m", "corner of the box that a drone stays in, x, y, z in `map`"}, 3,
+  const auto low = config.numbers({"fence.min_m", "corner of the drones' box, x, y, z in `map`"}, 3,
                                   {fence.min_m.begin(), fence.min_m.end()});
-  const auto high = config.numbers(
-      {"fence.max_m",
-       "its other corner; the default is so wide that it bounds the height alone until you set your room's"},
-      3, {fence.max_m.begin(), fence.max_m.end()});
+  const auto high =
+      config.numbers({"fence.max_m", "its other corner: set your room's, since the default bounds the height alone"}, 3,
+                     {fence.max_m.begin(), fence.max_m.end()});
   for (std::size_t i = 0; i < 3 && i < low.size() && i < high.size(); ++i) {
     fence.min_m[i] = low[i];
     fence.max_m[i] = high[i];
   }
   read_ms(config, "fence.land_after_ms", link.failsafe.fence_land_after_ns, 0, 60'000,
-          "beyond the fence and still going outward for this long: land. Shorter lands who is already turning back");
+          "beyond the fence and going outward for so long: land");
   read_number(config, "fence.far_beyond_m", fence.far_beyond_m, 0, 1000,
-              "beyond the fence by this counts as going outward at any speed");
+              "so far beyond the fence counts as going outward at any speed");
   const std::string said = config.table_text("fence");
   return said.find("min_m") != std::string::npos && said.find("max_m") != std::string::npos;
 }
 
 // Whether drones are reached over UDP.
 bool read_transport(Config& config, ShellSettings& settings) {
-  const bool udp =
-      config.choice({"tello.transport",
-                     "how drones are reached: udp, or shim: simulated ones through shared memory, without a network "
-                     "(docs/faults.md). The other keys of [tello] and [state] listen are udp's"},
-                    {"udp", "shim"}, "udp") == "udp";
-  const std::string memory = config.text({"shim.memory", "the file in /dev/shm that `ledgerline hil shim` made"}, "");
+  const bool udp = config.choice({"tello.transport",
+                                  "UDP, or shared memory to simulated drones (docs/faults.md), without the other keys "
+                                  "of [tello] and [state] listen"},
+                                 {"udp", "shim"}, "udp") == "udp";
+  const std::string memory = config.text({"shim.memory", "file in /dev/shm that `ledgerline hil shim` made"}, "");
   settings.lockstep = config.boolean(
-      {"shim.lockstep", "the shim moves link's clock, and says plans, poses and signs of life in agent's place"},
-      false);
+      {"shim.lockstep", "the shim moves link's clock, and gives plans, poses and heartbeats in agent's place"}, false);
   if (udp && settings.lockstep) config.wrong("shim.lockstep", "goes with tello.transport = \"shim\" alone");
   if (!udp && memory.empty()) config.wrong("shim.memory", "is needed with tello.transport = \"shim\"");
   if (!udp) settings.shim = memory;
@@ -170,41 +157,37 @@ bool read_transport(Config& config, ShellSettings& settings) {
 
 void read_odometry(Config& config, PoseSettings& pose) {
   OdometrySettings& odometry = pose.odometry;
-  const auto signs =
-      config.numbers(Key{"pose.velocity_signs",
-                         "sign of each of vgx, vgy, vgz against forward, left, up, as `calibrate` measures them; "
-                         "must be there where onboard odometry is the source",
-                         "none"},
-                     3, {});
+  const auto signs = config.numbers(
+      Key{"pose.velocity_signs",
+          "of vgx, vgy, vgz against forward, left, up, as `calibrate` measures them; required with onboard odometry",
+          "none"},
+      3, {});
   pose.has_signs = signs.size() == 3;
   for (std::size_t i = 0; i < 3 && pose.has_signs; ++i) odometry.velocity_signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
   odometry.velocity_in_body =
-      config.choice(
-          {"pose.velocity_frame",
-           "the frame that vgx, vgy, vgz are reported in: the one it had at power on, or one that turns with it"},
-          {"power_on", "body"}, "power_on") == "body";
-  read_number(config, "pose.flow_mps", odometry.flow_mps, 0.001, 1,
-              "standard deviation of its velocities' slow error, for the variance");
-  read_number(config, "pose.flow_s", odometry.flow_s, 0.1, 600, "how long that error lasts (correlation time)");
+      config.choice({"pose.velocity_frame", "of vgx, vgy, vgz: fixed at power on, or turning with the drone"},
+                    {"power_on", "body"}, "power_on") == "body";
+  read_number(config, "pose.flow_mps", odometry.flow_mps, 0.001, 1, "standard deviation of the velocities' slow error");
+  read_number(config, "pose.flow_s", odometry.flow_s, 0.1, 600, "its correlation time");
   read_number(config, "pose.flow_scale", odometry.flow_scale, 0, 0.5,
-              "standard deviation of its velocities' scale, wide until somebody measured it");
-  odometry.velocity_scale =
-      config.number({"pose.velocity_scale", "what vgx and vgy are multiplied by to be metres a second"}, 1, 0.5, 2);
+              "standard deviation of the velocities' scale; wide until measured");
+  odometry.velocity_scale = config.number({"pose.velocity_scale", "factor from vgx and vgy to m/s"}, 1, 0.5, 2);
   odometry.velocity_truncated =
-      config.boolean({"pose.velocity_truncated", "vgx and vgy are cast to whole dm/s; else they are rounded"}, false);
-  read_number(config, "pose.velocity_lag_s", odometry.velocity_lag_s, 0, 1, "by how much vgx and vgy are late");
-  read_number(config, "pose.velocity_lag_sd_s", odometry.velocity_lag_sigma_s, 0, 1, "standard deviation of that");
+      config.boolean({"pose.velocity_truncated", "vgx and vgy are truncated to whole dm/s, not rounded"}, false);
+  read_number(config, "pose.velocity_lag_s", odometry.velocity_lag_s, 0, 1, "delay of vgx and vgy");
+  read_number(config, "pose.velocity_lag_sd_s", odometry.velocity_lag_sigma_s, 0, 1, "its standard deviation");
   read_number(config, "pose.max_unfixed_s", odometry.max_unfixed_s, 1, 3600,
-              "with pads: a path is flown for so long without one; then it brakes");
-  read_number(config, "pose.max_unfixed_m", odometry.max_unfixed_m, 1, 10'000, "the same, so far");
+              "with pads: brake after so long without one");
+  read_number(config, "pose.max_unfixed_m", odometry.max_unfixed_m, 1, 10'000,
+              "with pads: brake after so far without one");
 }
 
 void read_pads(Config& config, std::vector<PadSettings>& pads) {
-  for (std::size_t i = 0; i < config.table_count({"pad", "mission pads, where they lie; for source \"pads\""}); ++i) {
+  for (std::size_t i = 0; i < config.table_count({"pad", "mission pads, for source \"pads\""}); ++i) {
     const std::string key = fmt::format("pad.{}.", i);
     PadSettings pad;
-    pad.id = static_cast<int>(config.number({key + "id", "the pad's number, printed on it"}, 1, 8));
-    const auto place = config.numbers({key + "position_m", "x, y, z of its middle in `map`"}, 3, {});
+    pad.id = static_cast<int>(config.number({key + "id", "printed on the pad"}, 1, 8));
+    const auto place = config.numbers({key + "position_m", "of its middle, x, y, z in `map`"}, 3, {});
     if (place.size() != 3 && !config.is_describing())
       config.wrong(key + "position_m", "must be there: where the pad lies");
     std::copy_n(place.begin(), std::min<std::size_t>(3, place.size()), pad.position_m.begin());
@@ -215,7 +198,7 @@ void read_pads(Config& config, std::vector<PadSettings>& pads) {
 
 void read_start(Config& config, const std::string& key, OdometrySettings& odometry) {
   const auto start = config.numbers(
-      {key + "start_m", "where it stands when link first sees it, x, y, z in `map`; for its own odometry"}, 3,
+      {key + "start_m", "where it stands when link first sees it, x, y, z in `map`; for onboard odometry"}, 3,
       {0, 0, 0});
   std::copy_n(start.begin(), std::min<std::size_t>(3, start.size()), odometry.start_m.begin());
   odometry.start_yaw_rad =
@@ -255,8 +238,7 @@ Status check_pads(const std::string& path, const LinkSettings& link) {
 }
 
 void read_drone_pose(Config& config, const std::string& key, const PoseSettings& pose, DroneSettings& drone) {
-  drone.source =
-      read_choice(config, {key + "pose_source", "as pose.source, of this drone", "pose.source"}, pose.source);
+  drone.source = read_choice(config, {key + "pose_source", "pose.source of this drone", "pose.source"}, pose.source);
   drone.odometry = pose.odometry;
   drone.odometry_after_ns = pose.odometry_after_ns;
   const bool own = uses_odometry(drone.source);
@@ -268,14 +250,14 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
                              drone.name));
   }
   read_start(config, key, drone.odometry);
-  drone.in_common_frame = config.boolean(
-      {key + "common_frame",
-       "its poses are in the frame of the others': else it is not kept apart from them, and you see to it"},
-      true);
+  drone.in_common_frame =
+      config.boolean({key + "common_frame",
+                      "its poses share the others' frame; if false, link does not keep it apart from them: you must"},
+                     true);
   drone.by_hand_without_pose =
       config.boolean({key + "by_hand_without_pose",
-                      "a pilot, who sees it, may fly it without a usable position: then the fence is its ceiling alone",
-                      "true where onboard odometry alone is the source"},
+                      "a pilot who sees it may fly it without a usable position, within the ceiling alone",
+                      "true with onboard odometry alone"},
                      !uses_mocap(drone.source));
 }
 
@@ -298,26 +280,24 @@ struct DroneTable {
 
 std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose, bool udp) {
   std::vector<DroneTable> tables;
-  for (std::size_t i = 0; i < config.table_count({"drone", "1 to 16 of them, one for each drone"}); ++i) {
+  for (std::size_t i = 0; i < config.table_count({"drone", "1 to 16, one for each drone"}); ++i) {
     const std::string key = fmt::format("drone.{}.", i);
     DroneTable table;
-    table.drone.name = config.text({key + "name", "as it is enrolled on the ledger"});
+    table.drone.name = config.text({key + "name", "as enrolled on the ledger"});
     if (!table.drone.name.empty() && !contract::is_drone_name(table.drone.name))
       config.wrong(key + "name", contract::drone_name_rule);
     table.drone.number = static_cast<DroneNumber>(
-        config.integer({key + "number", "in shared memory; agent's must be the same", "its place in the file"},
+        config.integer({key + "number", "in shared memory; the same in agent.toml", "place in the file"},
                        static_cast<std::int64_t>(i) + 1, 1, max_drones));
     read_drone_pose(config, key, pose, table.drone);
-    const Key address{key + "address",
-                      "IPv4; drones are distinguished by it, and by their interfaces. Through the shim, by `number`"};
+    const Key address{key + "address", "IPv4, unique behind each interface; the shim goes by `number`"};
     table.address = udp ? config.text(address) : config.text(address, "");
-    table.interface =
-        config.text({key + "interface",
-                     "network interface that the drone is behind, such as wlan1: with one for each, several drones may "
-                     "have 192.168.10.1"},
-                    "");
+    table.interface = config.text(
+        {key + "interface",
+         "network interface to the drone, such as wlan1; with one each, several drones may have 192.168.10.1"},
+        "");
     table.drone.serial = config.text(
-        {key + "serial", "what it must answer to `sn?` before a take-off (`ledgerline tello find` shows it)"}, "");
+        {key + "serial", "required answer to `sn?` before take-off (`ledgerline tello find` shows it)"}, "");
     tables.push_back(std::move(table));
   }
   return tables;
@@ -355,10 +335,8 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
 }
 
 void read_separation(Config& config, SeparationSettings& separation) {
-  read_number(
-      config, "separation.min_m", separation.min_m, 0, 10,
-      "drones of this host never come nearer to each other, centre to centre; 0 switches it off. Larger needs more "
-      "room to pass");
+  read_number(config, "separation.min_m", separation.min_m, 0, 10,
+              "between drones of this host, centre to centre; 0: off. Larger needs more room to pass");
 }
 
 // What is no simulation: simulated drones and a proxy's are on loopback, or behind the shim.
@@ -414,34 +392,30 @@ Status check_failsafe(const std::string& path, const FailsafeSettings& failsafe)
 
 void read_output(Config& config, ShellSettings& settings) {
   settings.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
-  settings.summary = config.text({"output.summary", "file with all counts, JSON, written at the end"}, "");
-  settings.starts =
-      config.text({"output.starts",
-                   "file that remembers link's last starts, so that one that dies again and again lands its drones"},
-                  "");
-  settings.local_stops = config.text(
-      {"output.local_stops",
-       "file that remembers which drones SIGTERM has landed: they stay down, whatever starts again, until the "
-       "owner's organisation clears their stop on the ledger, or link gets SIGUSR1"},
-      "");
+  settings.summary = config.text({"output.summary", "JSON file of all counts, written at the end"}, "");
+  settings.starts = config.text(
+      {"output.starts", "file of link's last starts: if it keeps dying, the next start lands its drones"}, "");
+  settings.local_stops = config.text({"output.local_stops",
+                                      "file of drones that SIGTERM landed: they stay down until their owner's "
+                                      "organisation clears the stop on the ledger, or link gets SIGUSR1"},
+                                     "");
   settings.status_period_ms = config.integer(
-      {"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"}, 0, 0, 60'000);
+      {"output.status_period_ms", "between JSON status lines on standard output; 0: none"}, 0, 0, 60'000);
 }
 
 }  // namespace
 
 PoseSettings read_pose(Config& config) {
   PoseSettings pose;
-  pose.source =
-      read_choice(config,
-                  {"pose.source",
-                   "who says where drones are: motion capture (or any topic of poses) through agent, the "
-                   "drone's own velocities and heights, these and mission pads, or motion capture, and onboard "
-                   "odometry while its poses are missing"},
-                  PoseSource::mocap);
-  read_ms(config, "pose.odometry_after_ms", pose.odometry_after_ns, 20, 60'000,
-          "with mocap+tello: onboard odometry takes over when no pose of motion capture has come for so long; less "
-          "than failsafe.pose_lost_ms");
+  pose.source = read_choice(
+      config,
+      {"pose.source",
+       "where poses come from: motion capture (or any topic of poses) through agent, the drone's velocities and "
+       "heights, these and mission pads, or motion capture with onboard odometry in its gaps"},
+      PoseSource::mocap);
+  read_ms(
+      config, "pose.odometry_after_ms", pose.odometry_after_ns, 20, 60'000,
+      "with mocap+tello: onboard odometry takes over after so long without a pose; less than failsafe.pose_lost_ms");
   read_odometry(config, pose);
   read_pads(config, pose.pads);
   return pose;
@@ -465,26 +439,23 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   settings.link.pads = pose.pads;
   const bool udp = read_transport(config, settings);
   const auto tables = read_drones(config, pose, udp);
-  const auto command_port = config.integer(
-      {"tello.command_port", "where drones take commands; a Tello's is fixed, a proxy's may differ"}, 8889, 1, 65535);
+  const auto command_port =
+      config.integer({"tello.command_port", "where drones take commands; fixed on a Tello"}, 8889, 1, 65535);
   const std::string port = std::to_string(command_port);
   settings.state_port = static_cast<std::uint16_t>(config.integer(
-      {"tello.state_port", "where drones send state text from: what comes from another port is not trusted. 0: any",
-       "tello.command_port"},
+      {"tello.state_port", "source port of state texts; those from another are ignored. 0: any", "tello.command_port"},
       command_port, 0, 65535));
-  const std::string listen = config.text(
-      {"state.listen", "IPv4 and port where state texts arrive; drones always send to port 8890"}, "0.0.0.0:8890");
-  read_number(
-      config, "state.rate_hz", settings.link.rate_hz, 1, 200,
-      "state samples a second of each drone: each is a transaction, or shares one; ground answers each with a command");
+  const std::string listen =
+      config.text({"state.listen", "IPv4:PORT for state texts; drones send to port 8890"}, "0.0.0.0:8890");
+  read_number(config, "state.rate_hz", settings.link.rate_hz, 1, 200,
+              "state samples a second of each drone, each answered by a command");
   read_output(config, settings);
   read_number(config, "realtime.loop_hz", settings.loop_hz, 100, 4000,
-              "turns of the loop: a setpoint waits for at most one. Half of it doubles that wait");
+              "turns of the loop; a setpoint waits for at most one");
   settings.priority = static_cast<int>(config.integer(
-      {"realtime.priority", "SCHED_FIFO, above agent's and below the kernel's own 99; 0: ordinary scheduling"},
-      settings.priority, 0, 98));
-  settings.cpu = static_cast<int>(
-      config.integer({"realtime.cpu", "core that the loop is pinned to; -1: any"}, settings.cpu, -1, 1023));
+      {"realtime.priority", "SCHED_FIFO, above agent's; 0: ordinary scheduling"}, settings.priority, 0, 98));
+  settings.cpu =
+      static_cast<int>(config.integer({"realtime.cpu", "core of the loop; -1: any"}, settings.cpu, -1, 1023));
   read_limits(config, settings.link.playout);
   read_playout(config, settings.link.playout);
   read_rc(config, settings.link.rc);

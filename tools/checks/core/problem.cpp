@@ -108,9 +108,11 @@ std::string to_json(const Findings& findings) {
 }
 
 std::string problems_table() {
-  std::string text = "| word | | cause | cure |\n| --- | --- | --- | --- |\n";
-  for (const Description& one : all_problems())
-    text += fmt::format("| `{}` | {} | {} | {} |\n", one.name, name_of(one.severity), one.cause, one.cure);
+  std::string text = "| word | cause | cure |\n| --- | --- | --- |\n";
+  for (const Description& one : all_problems()) {
+    const char* mark = one.severity == Severity::warning ? " (warning)" : "";
+    text += fmt::format("| `{}`{} | {} | {} |\n", one.name, mark, one.cause, one.cure);
+  }
   return text;
 }
 

@@ -14,230 +14,212 @@
 namespace ledgerline::checks {
 
 /// Each with its severity, its cause and its cure; in the order of docs/troubleshooting.md.
-#define LEDGERLINE_PROBLEMS(X)                                                                                         \
-  /* files */                                                                                                          \
-  X(config_missing, broken, "the host has no config of a role that it is to have",                                     \
-    "`ledgerline init --role ROLE` writes it; or name the folder with --config-dir")                                   \
-  X(config_wrong, broken, "a config is no TOML, has an unknown key, or a value out of its range",                      \
-    "change what the line says; docs/configuration.md has every key")                                                  \
-  X(file_forbidden, broken, "this user may not read a file that the programs need",                                    \
-    "as root: `chown -R USER: FOLDER` for keys, `chmod a+r FILE` for the others; or run doctor as the programs' user") \
-  X(not_pem, broken, "a certificate lies there in binary form (DER): programs read PEM",                               \
-    "`openssl x509 -inform der -in FILE -out FILE.pem && cp FILE.pem FILE`")                                           \
-  X(drones_differ, broken, "link.toml and agent.toml name other drones: nobody speaks for some",                       \
-    "give each [[drone]] the same name in both, the one that it is enrolled by")                                       \
-  X(state_folder, broken, "a folder where a program keeps what it remembers is missing, or may not be written",        \
-    "make it, and give it to the user who runs the programs: `install -d -o ledgerline FOLDER`")                       \
-  X(disk_read_only, broken, "the file system that programs write to is mounted read-only",                             \
-    "`mount -o remount,rw MOUNT`; `dmesg` says whether the kernel did it after errors: then replace the card or disk") \
-  X(disk_full, broken, "less than 64 MB are free where programs write",                                                \
-    "delete old traces and logs, or let [output] lead to another disk")                                                \
-  X(disk_low, warning, "less than 1 GB is free where programs write: a trace takes 0.3 GB an hour",                    \
-    "delete old traces and logs before a long flight")                                                                 \
-  /* the identity */                                                                                                   \
-  X(certificate_missing, broken, "msp_dir has no signcerts/*.pem that can be read",                                    \
-    "let the authority sign the request, then `ledgerline init --certificate FILE`")                                   \
-  X(certificate_wrong, broken, "what lies in signcerts/ is no certificate of P-256 or P-384",                          \
-    "let the authority sign the request again, then `ledgerline init --certificate FILE`")                             \
-  X(certificate_order, broken,                                                                                         \
-    "the certificate's file has another one, its authority's, in front of the own: the first one counts",              \
-    "`ledgerline init --certificate FILE`, with the file itself, puts the own one first")                              \
-  X(key_missing, broken, "msp_dir has no keystore/*_sk that this user can read",                                       \
-    "run doctor as the user of the programs; else `ledgerline init --request NAME` makes a key")                       \
-  X(key_open, broken, "others than its owner may read the key: no program takes it",                                   \
-    "`chmod 600` it; if outsiders have accounts here, make a new one and revoke the certificate")                      \
-  X(key_locked, broken, "a pass phrase locks the key: a program that starts by itself has nobody to ask",              \
-    "`openssl pkey -in KEY -out KEY.open && cp KEY.open KEY && rm KEY.open`")                                          \
-  X(key_misfit, broken, "key and certificate do not belong together",                                                  \
-    "put the certificate there that was made of this key's request: `ledgerline init --certificate FILE`")             \
-  X(identity_expired, broken, "the identity's certificate has expired",                                                \
-    "let the authority sign the request again, then `ledgerline init --certificate FILE`, and start the program "      \
-    "again")                                                                                                           \
-  X(identity_not_yet, broken, "the identity's certificate is not valid yet, by this host's clock",                     \
-    "set the clock (`chronyc tracking`, `timedatectl`); else the authority's was ahead")                               \
-  X(identity_ends, warning, "the identity's certificate ends within 30 days",                                          \
-    "`ledgerline identity renew`, or let the authority sign the request again and `ledgerline init --certificate "     \
-    "FILE`: programs that run take it")                                                                                \
-  X(identity_foreign, broken,                                                                                          \
-    "the organisation that msp_id names has not issued the identity, or has revoked it: the ledger refuses it",        \
-    "set msp_id to the organisation of the identity, or let the organisation's authority, as the channel has it, "     \
-    "sign a request")                                                                                                  \
-  /* whom to trust */                                                                                                  \
-  X(anchor_missing, warning, "no config_block is set: the peer's blocks are taken without checking who signed them",   \
-    "copy CHANNEL.block from the ledger's host and set [ledger] config_block")                                         \
-  X(anchor_wrong, broken, "config_block cannot be read, or is not a configuration of this channel",                    \
-    "copy CHANNEL.block from the ledger's host again (`ledgerline init --collect`)")                                   \
-  X(authority_unreadable, broken, "the file of an [[msp]]'s authority cannot be read",                                 \
-    "copy the organisation's authority to the path that the config names (`ledgerline init --collect`)")               \
-  X(authority_foreign, broken,                                                                                         \
-    "an [[msp]] has another authority than the channel: what that organisation signs is not trusted here",             \
-    "copy the authority's certificate of that organisation from the ledger's host")                                    \
-  X(organisation_missing, warning,                                                                                     \
-    "an organisation of the channel has no [[msp]]: whatever it signs is not trusted here",                            \
-    "add an [[msp]] with its id and authority")                                                                        \
-  /* the way to the ledger */                                                                                          \
-  X(endpoint_wrong, broken, "an endpoint is not HOST:PORT",                                                            \
-    "write the host and the port, and nothing else: no https://, no path")                                             \
-  X(name_unknown, broken, "the endpoint's host name has no address",                                                   \
-    "spell it right; `getent hosts NAME` must answer: DNS, or a line in /etc/hosts")                                   \
-  X(no_route, broken, "this host has no way to the address",                                                           \
-    "`ip route get ADDRESS` says why: an interface that is down, a missing route, another default route")              \
-  X(unreachable, broken, "nothing answers at the address: no word came in time",                                       \
-    "is that host on, and does its firewall let the port through?")                                                    \
-  X(port_closed, broken, "the host answers, but nobody listens at the port",                                           \
-    "start the ledger there, or set the endpoint to the port that it prints; `ss -ltn` there: at 127.0.0.1 only its "  \
-    "own host reaches it")                                                                                             \
-  X(server_mute, broken, "the port takes connections, and no TLS comes back: long packets may be lost",                \
-    "`ping -M do -s 1400 HOST`: where long ones fail and short ones pass, `ip link set dev INTERFACE mtu` to what "    \
-    "passes; else it is no server of TLS, or it hangs")                                                                \
-  X(no_tls, broken, "the listener at the port does not speak TLS with HTTP/2",                                         \
-    "set the endpoint to the peer's or orderer's own port, not to its chaincode or operations port")                   \
-  X(tls_ca_unreadable, broken, "the file tls_ca cannot be read, or has no certificate",                                \
-    "copy the TLS authority's certificate to that path (`ledgerline init --collect`)")                                 \
-  X(tls_wrong_authority, broken, "the server's TLS certificate is not of the authority in tls_ca",                     \
-    "set tls_ca to the TLS authority of the server's organisation, which is not the identities' authority")            \
-  X(tls_wrong_name, broken, "the server's TLS certificate does not have the name that it is asked by",                 \
-    "set server_name to a name that the certificate has, or the endpoint to such a name")                              \
-  X(tls_expired, broken, "the server's TLS certificate, or its authority's, has expired",                              \
-    "renew it on the server's host and start the server again; if it is in date, set this host's clock")               \
-  X(tls_not_yet, broken, "the server's TLS certificate is not valid yet, by this host's clock",                        \
-    "set the clock of this host, or of the authority's")                                                               \
-  X(tls_client_certificate, broken, "the server wants a TLS certificate from its clients",                             \
-    "give the program one (tls_certificate and tls_key); or let the server go without: a peer by "                     \
-    "peer.tls.clientAuthRequired: false, ledgerline-node without --tls-client-ca")                                     \
-  X(tls_pair_wrong, broken,                                                                                            \
-    "tls_certificate and tls_key are not what the program can show: not there, no pair, or out of date",               \
-    "let an authority that the server knows sign a certificate of this key, and put it into tls_certificate")          \
-  X(tls_pair_refused, broken,                                                                                          \
-    "the server does not take the TLS certificate that the program shows: out of date, or of an authority that it "    \
-    "does not know",                                                                                                   \
-    "let an authority of the server's clients sign it again (a peer's peer.tls.clientRootCAs, ledgerline-node's "      \
-    "--tls-client-ca), or add its authority there")                                                                    \
-  /* the ledger */                                                                                                     \
-  X(ledger_refuses, broken, "the peer answers, and refuses what it is asked",                                          \
-    "its words say why: another channel's name, an identity that it does not know")                                    \
-  X(peer_lags, warning, "the peer has fewer blocks than another organisation's",                                       \
-    "look at its log, its disk and its way to the orderers")                                                           \
-  X(contract_missing, broken, "the channel has no contract of that name",                                              \
-    "commit its definition on the channel (docs/fabric.md), or set [ledger] contract to its name there")               \
-  X(contract_other_version, warning,                                                                                   \
-    "the contract that is committed has another version than these programs are made for",                             \
-    "bring contract and programs to one version (docs/fabric.md); the agent's log says what it refuses")               \
-  X(policy_weak, warning,                                                                                              \
-    "one organisation alone satisfies the contract's endorsement policy: it can make any record",                      \
-    "define the contract with a majority (docs/ledger.md)")                                                            \
-  X(policy_unreachable, broken,                                                                                        \
-    "the peers that sign for this program are not those whose signatures its calls need: they would all be refused",   \
-    "start the peer of the organisation that the line names, or name it in an [[endorser]]; else define the contract " \
-    "with a policy that the channel's peers can satisfy (docs/fabric.md)")                                             \
-  X(blocks_late, broken, "the channel cuts its blocks so late that commands are too old when they come",               \
-    "set `timeouts = \"auto\"` in [ledger], or the times that the line names, or a shorter BatchTimeout")              \
-  X(records_unread, broken, "the drones' records cannot be read from the ledger",                                      \
-    "is its peer up, and endpoint, tls_ca and msp_dir of [ledger] in the file of ledger.ground right?")                \
-  /* the drones on it */                                                                                               \
-  X(not_enrolled, broken, "the ledger has no record of the drone",                                                     \
-    "its organisation's administrator: `ledgerline control --config admin.toml enroll --msp MSPID --cert FILE NAME`")  \
-  X(of_another_host, broken, "the drone is enrolled to another identity than this host's agent has",                   \
-    "enroll it to this identity, or fly it from that host; names count, so a renewed certificate keeps its subject")   \
-  X(may_not_fly, broken,                                                                                               \
-    "this identity is no operator, or has no grant of the drone's organisation: it cannot acquire the drone",          \
-    "administrators: `ledgerline control enroll --role operator` in one's own organisation, `grant --fly` in the "     \
-    "drone's")                                                                                                         \
-  X(lease_held, warning, "somebody else holds the drone's lease: ground cannot command it",                            \
-    "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority; of one "    \
-    "who is gone: a supervisor of the drone's organisation ends it by `ledgerline control evict NAME`")                \
-  X(stopped, warning, "the drone is stopped: it does not take off",                                                    \
-    "its stopper clears it: `ledgerline control clear_stop NAME`; or a supervisor of its organisation")                \
-  /* clocks */                                                                                                         \
-  X(clock_unsynchronised, warning, "the kernel says that this host's clock is not synchronised",                       \
-    "run chrony or another client of NTP here and on every other host")                                                \
-  X(clock_behind, broken, "the newest block was signed in this host's future: its clock is behind",                    \
-    "set the clocks of both hosts by NTP (`chronyc tracking` shows the offset)")                                       \
-  X(clock_ahead, warning,                                                                                              \
-    "blocks come, but each was signed long ago by this host's clock: it is ahead, or the signer's behind",             \
-    "set the clocks of both hosts by NTP (`chronyc tracking` shows the offset)")                                       \
-  X(clock_of_poses, broken, "agent drops poses whose stamps are so far from this host's clock",                        \
-    "set the clocks of both computers by NTP (chrony: `chronyc tracking` shows the offset), or [pose] clock = "        \
-    "\"arrival\"")                                                                                                     \
-  /* the drones' host */                                                                                               \
-  X(no_real_time, warning, "SCHED_FIFO is not permitted here: setpoints come late on a busy host",                     \
-    "start link by its systemd unit, or `setcap cap_sys_nice,cap_ipc_lock+ep` on ledgerline-link")                     \
-  X(no_locked_memory, warning, "memory may not be locked: a page that was swapped out holds link up",                  \
-    "start link by its systemd unit, or raise `ulimit -l`")                                                            \
-  X(shm_small, broken, "/dev/shm has no room for RouDi: it needs 96 MB",                                               \
-    "`mount -o remount,size=256m /dev/shm`; a container: --shm-size=256m")                                             \
-  X(shm_not_writable, broken, "this user may not write to /dev/shm, where RouDi makes its memory",                     \
-    "`chmod 1777 /dev/shm`, or `mount -o remount,rw /dev/shm`, as root")                                               \
-  X(roudi_group, broken,                                                                                               \
-    "iceoryx names its memory after the group of RouDi's user: it needs both in /etc/passwd and /etc/group, and a "    \
-    "plain name",                                                                                                      \
-    "do as the line says; or start RouDi, link and agent with a plain group that the user is in: `sg GROUP -c "        \
-    "PROGRAM`")                                                                                                        \
-  X(roudi_group_shared, warning,                                                                                       \
-    "other users are in the group of RouDi's user: they may write to the memory that drones are flown by",             \
-    "run RouDi, link and agent as a user with a group of its own: `useradd --system --user-group ledgerline`")         \
-  X(roudi_silent, warning, "no RouDi runs: link and agent do not start without",                                       \
-    "`systemctl start ledgerline-roudi`, or start ledgerline-roudi by hand")                                           \
-  X(roudi_left, broken, "a RouDi that is gone has left its socket, so nobody answers there",                           \
-    "start ledgerline-roudi, which clears what is left of its own user; of another user: remove it as root")           \
-  X(roudi_foreign, broken, "a RouDi that is not ours runs: it has no pools for link and agent",                        \
-    "end it, or run its programs elsewhere; then start ledgerline-roudi")                                              \
-  X(roudi_runs, broken, "a RouDi, the broker of shared memory, runs: a flight starts its own",                         \
-    "end it: `pgrep -af roudi` shows it")                                                                              \
-  X(state_port_taken, broken, "another program has the UDP port of the drones' state texts",                           \
-    "end it: `ss -ulpn` shows who has the port; then start link")                                                      \
-  X(port_unusable, broken, "a simulated drone cannot have its UDP port",                                               \
-    "end the program that has it: `ss -ulpn` shows who; or `ip link set lo up`")                                       \
-  X(interface_missing, broken, "a config names a network interface that this host does not have",                      \
-    "`ip -br link` shows those there are; plug it in, or correct its name")                                            \
-  X(interface_down, broken, "a network interface that a config names is down, or has no address",                      \
-    "`ip link set NAME up`, and join its Wi-Fi")                                                                       \
-  X(wrong_interface, broken, "the way to the drone leads over another interface than its config names",                \
-    "join the drone's Wi-Fi with that interface: it needs an address of the drone's network")                          \
-  X(drones_in_use, warning, "link runs: the drones were not asked, since they may fly",                                \
-    "stop link first, with the drones on the ground")                                                                  \
-  X(drone_silent, broken, "the drone does not answer",                                                                 \
-    "switch it on, and join its Wi-Fi: `ledgerline tello find --address ADDRESS`")                                     \
-  X(drone_other, broken, "another drone than the file's answers at the address",                                       \
-    "look where each is with `ledgerline tello find`, and give it its address in the file")                            \
-  X(state_silent, broken,                                                                                              \
-    "the drone answers commands, and none of its state texts arrives: a firewall drops their UDP port",                \
-    "let the port through at this host: `iptables -I INPUT -p udp --dport 8890 -j ACCEPT`, `ufw allow 8890/udp` or "   \
-    "`firewall-cmd --add-port=8890/udp`, whichever firewall it has; end every other program that speaks to the drone") \
-  X(state_unreadable, broken, "texts come from the drone where its state texts should, and are not understood",        \
-    "a Tello's has `bat:87;h:0;tof:10;`: is it a Tello at that address? Then give it DJI's newest firmware")           \
-  X(state_rare, warning, "fewer state texts arrive than the ten a second of a Tello",                                  \
-    "go nearer, or to a Wi-Fi channel that nobody else has")                                                           \
-  X(battery_low, broken, "link takes off only above battery_low", "charge or change the battery")                      \
-  X(battery_short, warning, "the battery is enough to take off, not for long", "charge or change the battery")         \
-  X(battery_unknown, warning, "the drone does not report its battery", "ask it: `ledgerline tello info ADDRESS`")      \
-  X(drone_hot, warning, "on the ground nothing cools the drone, and it may switch itself off",                         \
-    "take off soon, or switch it off and let it cool")                                                                 \
-  X(pose_silent, broken, "no pose of motion capture comes for a drone that flies by it",                               \
-    "start motion capture; `ros2 topic list -t` shows what it publishes, which [mocap] topic and type of agent.toml "  \
-    "must say, and [dds] interfaces must reach it; or set [pose] source of link.toml to onboard odometry")             \
-  X(pose_refused, broken, "agent takes no pose with these numbers",                                                    \
-    "let motion capture send nothing while it does not see the drone, and a rigid body of three markers or more: one " \
-    "alone has no orientation")                                                                                        \
-  X(pose_old, broken, "the newest pose is older than link takes any",                                                  \
-    "look whether motion capture sees the drone: markers, cameras, its own clock")                                     \
-  X(pose_rare, warning, "poses of motion capture come rarely", "let motion capture publish more often, 100 a second")  \
-  X(pose_of_odometry, broken, "the newest position is of onboard odometry, not of motion capture",                     \
-    "look whether motion capture sees the drone: markers, cameras, its own clock")                                     \
-  X(velocity_missing, broken, "a drone that flies by onboard odometry reports no velocity",                            \
-    "light, and a floor with something to be seen on it; a firmware whose state text has vgx, vgy, vgz")               \
-  X(velocity_no_reserve, warning, "the drone reports no velocity: nothing stands in for motion capture",               \
-    "light, and a floor with something to be seen on it; a firmware whose state text has vgx, vgy, vgz")               \
-  X(position_uncertain, broken, "onboard odometry is too uncertain for the fence",                                     \
-    "put the drone on its mark and switch it off and on")                                                              \
-  X(not_on_ground, broken, "the drone is not on the ground", "land it: `ledgerline tello land ADDRESS`")               \
-  X(takeoff_refused, broken, "link refuses a take-off", "docs/failsafe.md says what this cause clears by")             \
-  /* of all drones of a flight */                                                                                      \
-  X(frames_differ, broken, "poses of two drones are in different frames",                                              \
-    "let one motion capture publish all of them in one frame")                                                         \
-  X(outside_fence, broken, "a drone stands outside the fence",                                                         \
-    "put it inside, or let [fence] and motion capture have the same origin and axes")                                  \
-  X(path_beyond_fence, broken, "the flight's path leaves the fence",                                                   \
+#define LEDGERLINE_PROBLEMS(X)                                                                                        \
+  /* files */                                                                                                         \
+  X(config_missing, broken, "a role of this host has no config",                                                      \
+    "`ledgerline init --role ROLE` writes it; or name the folder with --config-dir")                                  \
+  X(config_wrong, broken, "a config is no TOML, has an unknown key, or a value out of range",                         \
+    "change what the line says; docs/configuration.md has every key")                                                 \
+  X(file_forbidden, broken, "this user may not read a file that the programs need",                                   \
+    "as root: `chown -R USER: FOLDER` for keys, `chmod a+r FILE` for others; or be the programs' user")               \
+  X(not_pem, broken, "a certificate is binary (DER): programs read PEM",                                              \
+    "`openssl x509 -inform der -in FILE -out FILE.pem && cp FILE.pem FILE`")                                          \
+  X(drones_differ, broken, "link.toml and agent.toml name different drones",                                          \
+    "give each [[drone]] the same name in both, the enrolled one")                                                    \
+  X(state_folder, broken, "a program's folder for its state is missing, or not writable",                             \
+    "make it for the programs' user: `install -d -o ledgerline FOLDER`")                                              \
+  X(disk_read_only, broken, "the file system that programs write to is read-only",                                    \
+    "`mount -o remount,rw MOUNT`; where `dmesg` has errors of it, replace the card or disk")                          \
+  X(disk_full, broken, "less than 64 MB are free where programs write",                                               \
+    "delete old traces and logs, or let [output] lead to another disk")                                               \
+  X(disk_low, warning, "less than 1 GB is free where programs write: a trace takes 0.3 GB an hour",                   \
+    "delete old traces and logs before a long flight")                                                                \
+  /* the identity */                                                                                                  \
+  X(certificate_missing, broken, "msp_dir has no readable signcerts/*.pem",                                           \
+    "let the authority sign the request, then `ledgerline init --certificate FILE`")                                  \
+  X(certificate_wrong, broken, "signcerts/ has no certificate of P-256 or P-384",                                     \
+    "let the authority sign the request again, then `ledgerline init --certificate FILE`")                            \
+  X(certificate_order, broken, "the certificate's file begins with its authority's",                                  \
+    "`ledgerline init --certificate FILE`, with the file itself, puts the own one first")                             \
+  X(key_missing, broken, "msp_dir has no keystore/*_sk that this user can read",                                      \
+    "be the programs' user; else `ledgerline init --request NAME` makes a key")                                       \
+  X(key_open, broken, "others than its owner may read the key: no program takes it",                                  \
+    "`chmod 600` it; if outsiders have accounts here, make a new one and revoke the certificate")                     \
+  X(key_locked, broken, "a pass phrase locks the key, and nobody is there to type it",                                \
+    "`openssl pkey -in KEY -out KEY.open && cp KEY.open KEY && rm KEY.open`")                                         \
+  X(key_misfit, broken, "key and certificate do not belong together",                                                 \
+    "`ledgerline init --certificate FILE` with the certificate of this key's request")                                \
+  X(identity_expired, broken, "the identity's certificate has expired",                                               \
+    "let the authority sign the request again, then `ledgerline init --certificate FILE`, and restart the program")   \
+  X(identity_not_yet, broken, "the identity's certificate is not valid yet, by this host's clock",                    \
+    "set the clock (`chronyc tracking`, `timedatectl`); else the authority's was ahead")                              \
+  X(identity_ends, warning, "the identity's certificate ends within 30 days",                                         \
+    "`ledgerline identity renew`, or a new signature and `ledgerline init --certificate FILE`, without a restart")    \
+  X(identity_foreign, broken, "the identity is not of the organisation that msp_id names, or is revoked",             \
+    "set msp_id to the identity's organisation, or let the organisation's authority, as the channel has it, sign a "  \
+    "request")                                                                                                        \
+  /* whom to trust */                                                                                                 \
+  X(anchor_missing, warning, "no config_block is set: nobody checks who signed the peer's blocks",                    \
+    "copy CHANNEL.block from the ledger's host and set [ledger] config_block")                                        \
+  X(anchor_wrong, broken, "config_block is unreadable, or not of this channel",                                       \
+    "copy CHANNEL.block from the ledger's host again (`ledgerline init --collect`)")                                  \
+  X(authority_unreadable, broken, "the file of an [[msp]]'s authority cannot be read",                                \
+    "copy the organisation's authority there (`ledgerline init --collect`)")                                          \
+  X(authority_foreign, broken,                                                                                        \
+    "an [[msp]] has another authority than the channel: that organisation is not trusted here",                       \
+    "copy its authority from the ledger's host")                                                                      \
+  X(organisation_missing, warning, "an organisation of the channel has no [[msp]]: it is not trusted here",           \
+    "add an [[msp]] with its id and authority")                                                                       \
+  /* the way to the ledger */                                                                                         \
+  X(endpoint_wrong, broken, "an endpoint is not HOST:PORT", "write host and port alone: no https://, no path")        \
+  X(name_unknown, broken, "the endpoint's host name has no address",                                                  \
+    "spell it right; `getent hosts NAME` must answer, by DNS or /etc/hosts")                                          \
+  X(no_route, broken, "this host has no way to the address",                                                          \
+    "`ip route get ADDRESS` shows an interface that is down, or a wrong route")                                       \
+  X(unreachable, broken, "nothing answers at the address in time",                                                    \
+    "is that host on, and does its firewall let the port through?")                                                   \
+  X(port_closed, broken, "the host answers, but nobody listens at the port",                                          \
+    "start the ledger there, or set the endpoint to the port that it prints; `ss -ltn` there: at 127.0.0.1 only its " \
+    "own host reaches it")                                                                                            \
+  X(server_mute, broken, "the port takes connections, and no TLS comes back: long packets may be lost",               \
+    "`ping -M do -s 1400 HOST`: if only short ones pass, `ip link set dev INTERFACE mtu` to what passes; else it is " \
+    "no TLS server, or hangs")                                                                                        \
+  X(no_tls, broken, "the listener at the port does not speak TLS with HTTP/2",                                        \
+    "set the endpoint to the peer's or orderer's own port, not its chaincode or operations port")                     \
+  X(tls_ca_unreadable, broken, "the file tls_ca is unreadable, or has no certificate",                                \
+    "copy the TLS authority's certificate there (`ledgerline init --collect`)")                                       \
+  X(tls_wrong_authority, broken, "the server's TLS certificate is not of the authority in tls_ca",                    \
+    "set tls_ca to the TLS authority of the server's organisation, not the identities' one")                          \
+  X(tls_wrong_name, broken, "the server's TLS certificate does not have the name that it is asked by",                \
+    "set server_name, or the endpoint, to a name in the certificate")                                                 \
+  X(tls_expired, broken, "the server's TLS certificate, or its authority's, has expired",                             \
+    "renew it and restart the server; if it is in date, set this host's clock")                                       \
+  X(tls_not_yet, broken, "the server's TLS certificate is not valid yet, by this host's clock",                       \
+    "set the clock of this host, or of the authority's")                                                              \
+  X(tls_client_certificate, broken, "the server wants a TLS certificate from its clients",                            \
+    "give the program one (tls_certificate and tls_key); or let the server go without: peer.tls.clientAuthRequired: " \
+    "false, ledgerline-node without --tls-client-ca")                                                                 \
+  X(tls_pair_wrong, broken, "tls_certificate and tls_key are missing, no pair, or out of date",                       \
+    "let an authority that the server knows sign a certificate of this key, as tls_certificate")                      \
+  X(tls_pair_refused, broken,                                                                                         \
+    "the server refuses the program's TLS certificate: out of date, or of an unknown authority",                      \
+    "let an authority of the server's clients sign it (peer.tls.clientRootCAs, ledgerline-node's --tls-client-ca), "  \
+    "or add its authority there")                                                                                     \
+  /* the ledger */                                                                                                    \
+  X(ledger_refuses, broken, "the peer answers, and refuses what it is asked",                                         \
+    "its words say why: another channel's name, an unknown identity")                                                 \
+  X(peer_lags, warning, "the peer has fewer blocks than another organisation's",                                      \
+    "look at its log, its disk and its way to the orderers")                                                          \
+  X(contract_missing, broken, "the channel has no contract of that name",                                             \
+    "commit its definition on the channel (docs/fabric.md), or set [ledger] contract to its name")                    \
+  X(contract_other_version, warning, "the committed contract is not of these programs' version",                      \
+    "bring both to one version (docs/fabric.md); the agent's log says what it refuses")                               \
+  X(policy_weak, warning,                                                                                             \
+    "one organisation alone satisfies the contract's endorsement policy: it can make any record",                     \
+    "define the contract with a majority (docs/ledger.md)")                                                           \
+  X(policy_unreachable, broken, "the peers that sign for this program do not suffice: its calls would be refused",    \
+    "start the peer of the organisation that the line names, or name it in an [[endorser]]; else change the "         \
+    "contract's policy (docs/fabric.md)")                                                                             \
+  X(blocks_late, broken, "the channel cuts blocks so late that commands are too old",                                 \
+    "set `timeouts = \"auto\"` in [ledger], or the times that the line names, or a shorter BatchTimeout")             \
+  X(records_unread, broken, "the drones' records cannot be read from the ledger",                                     \
+    "is its peer up, and [ledger] endpoint, tls_ca and msp_dir in the file of ledger.ground right?")                  \
+  /* the drones on it */                                                                                              \
+  X(not_enrolled, broken, "the ledger has no record of the drone",                                                    \
+    "its organisation's administrator: `ledgerline control --config admin.toml enroll --msp MSPID --cert FILE NAME`") \
+  X(of_another_host, broken, "the drone is enrolled to another identity than this host's agent has",                  \
+    "enroll it to this one, or fly it from that host; a renewed certificate must keep its subject")                   \
+  X(may_not_fly, broken, "this identity is no operator, or has no grant: it cannot acquire the drone",                \
+    "administrators: `ledgerline control enroll --role operator` in one's own organisation, `grant --fly` in the "    \
+    "drone's")                                                                                                        \
+  X(lease_held, warning, "somebody else holds the drone's lease",                                                     \
+    "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority; if the "   \
+    "holder is gone, a supervisor of the drone's organisation: `ledgerline control evict NAME`")                      \
+  X(stopped, warning, "the drone is stopped: it does not take off",                                                   \
+    "its stopper, or a supervisor of its organisation: `ledgerline control clear_stop NAME`")                         \
+  /* clocks */                                                                                                        \
+  X(clock_unsynchronised, warning, "the kernel says that this host's clock is not synchronised",                      \
+    "run chrony or another NTP client on every host")                                                                 \
+  X(clock_behind, broken, "the newest block was signed in this host's future: its clock is behind",                   \
+    "set both hosts' clocks by NTP (`chronyc tracking` shows the offset)")                                            \
+  X(clock_ahead, warning, "blocks are long ago by this host's clock: it is ahead, or the signer's behind",            \
+    "set both hosts' clocks by NTP (`chronyc tracking` shows the offset)")                                            \
+  X(clock_of_poses, broken, "agent drops poses whose stamps are so far from this host's clock",                       \
+    "set both computers' clocks by NTP (`chronyc tracking` shows the offset), or [pose] clock = \"arrival\"")         \
+  /* the drones' host */                                                                                              \
+  X(no_real_time, warning, "SCHED_FIFO is not permitted here: setpoints come late on a busy host",                    \
+    "start link by its systemd unit, or `setcap cap_sys_nice,cap_ipc_lock+ep` on ledgerline-link")                    \
+  X(no_locked_memory, warning, "memory may not be locked: a swapped page holds link up",                              \
+    "start link by its systemd unit, or raise `ulimit -l`")                                                           \
+  X(shm_small, broken, "/dev/shm has no room for RouDi: it needs 96 MB",                                              \
+    "`mount -o remount,size=256m /dev/shm`; a container: --shm-size=256m")                                            \
+  X(shm_not_writable, broken, "this user may not write to /dev/shm, where RouDi makes its memory",                    \
+    "as root: `chmod 1777 /dev/shm`, or `mount -o remount,rw /dev/shm`")                                              \
+  X(roudi_group, broken, "the group of RouDi's user must be plain, and both in /etc/passwd and /etc/group",           \
+    "do as the line says; or start RouDi, link and agent with a plain group of the user: `sg GROUP -c PROGRAM`")      \
+  X(roudi_group_shared, warning,                                                                                      \
+    "other users are in the group of RouDi's user: they may write to the memory that drones are flown by",            \
+    "run RouDi, link and agent as a user with its own group: `useradd --system --user-group ledgerline`")             \
+  X(roudi_silent, warning, "no RouDi runs: link and agent need it",                                                   \
+    "`systemctl start ledgerline-roudi`, or start ledgerline-roudi by hand")                                          \
+  X(roudi_left, broken, "a RouDi that is gone has left its socket",                                                   \
+    "start ledgerline-roudi, which clears what its own user left; of another user: remove it as root")                \
+  X(roudi_foreign, broken, "a RouDi runs that has no pools for link and agent",                                       \
+    "end it, or run its programs elsewhere; then start ledgerline-roudi")                                             \
+  X(roudi_runs, broken, "a RouDi runs: a flight starts its own", "end it: `pgrep -af roudi` shows it")                \
+  X(state_port_taken, broken, "another program has the UDP port of the drones' state texts",                          \
+    "end it: `ss -ulpn` shows it; then start link")                                                                   \
+  X(port_unusable, broken, "a simulated drone cannot have its UDP port",                                              \
+    "end the program that has it: `ss -ulpn` shows it; or `ip link set lo up`")                                       \
+  X(interface_missing, broken, "a config names a network interface that is not here",                                 \
+    "plug it in, or correct its name: `ip -br link` lists them")                                                      \
+  X(interface_down, broken, "a network interface of a config is down, or has no address",                             \
+    "`ip link set NAME up`, and join its Wi-Fi")                                                                      \
+  X(wrong_interface, broken, "the way to the drone leads over another interface than its config names",               \
+    "join the drone's Wi-Fi with that interface: it needs an address of the drone's network")                         \
+  X(drones_in_use, warning, "link runs: the drones were not asked, since they may fly",                               \
+    "stop link first, with the drones on the ground")                                                                 \
+  X(drone_silent, broken, "the drone does not answer",                                                                \
+    "switch it on, and join its Wi-Fi: `ledgerline tello find --address ADDRESS`")                                    \
+  X(drone_other, broken, "another drone than the file's answers at the address",                                      \
+    "`ledgerline tello find` shows where each is: give it that address in the file")                                  \
+  X(state_silent, broken, "the drone answers commands, but a firewall drops its state texts",                         \
+    "let the port through: `iptables -I INPUT -p udp --dport 8890 -j ACCEPT`, `ufw allow 8890/udp` or `firewall-cmd " \
+    "--add-port=8890/udp`; end every other program that speaks to the drone")                                         \
+  X(state_unreadable, broken, "the drone's state texts are not understood",                                           \
+    "a Tello's has `bat:87;h:0;tof:10;`: is it a Tello? Then give it DJI's newest firmware")                          \
+  X(state_rare, warning, "fewer state texts than a Tello's ten a second arrive",                                      \
+    "go nearer, or to a free Wi-Fi channel")                                                                          \
+  X(battery_low, broken, "link takes off only above battery_low", "charge or change the battery")                     \
+  X(battery_short, warning, "the battery is enough to take off, not for long", "charge or change the battery")        \
+  X(battery_unknown, warning, "the drone does not report its battery", "ask it: `ledgerline tello info ADDRESS`")     \
+  X(drone_hot, warning, "on the ground nothing cools the drone: it may switch itself off",                            \
+    "take off soon, or switch it off and let it cool")                                                                \
+  X(pose_silent, broken, "no pose of motion capture comes for a drone that flies by it",                              \
+    "start motion capture; [mocap] topic and type of agent.toml must be as `ros2 topic list -t` shows, and [dds] "    \
+    "interfaces must reach it; or fly by onboard odometry: [pose] source of link.toml")                               \
+  X(pose_refused, broken, "agent takes no pose with these numbers",                                                   \
+    "let motion capture be silent while it does not see the drone, and use three markers or more: one has no "        \
+    "orientation")                                                                                                    \
+  X(pose_old, broken, "the newest pose is older than link takes any",                                                 \
+    "look whether motion capture sees the drone: markers, cameras, its own clock")                                    \
+  X(pose_rare, warning, "poses of motion capture come rarely", "let motion capture publish more often, 100 a second") \
+  X(pose_of_odometry, broken, "the newest position is of onboard odometry, not of motion capture",                    \
+    "look whether motion capture sees the drone: markers, cameras, its own clock")                                    \
+  X(velocity_missing, broken, "a drone that flies by onboard odometry reports no velocity",                           \
+    "light, and a floor with texture; a firmware whose state text has vgx, vgy, vgz")                                 \
+  X(velocity_no_reserve, warning, "the drone reports no velocity: nothing stands in for motion capture",              \
+    "light, and a floor with texture; a firmware whose state text has vgx, vgy, vgz")                                 \
+  X(position_uncertain, broken, "onboard odometry is too uncertain for the fence",                                    \
+    "put the drone on its mark and switch it off and on")                                                             \
+  X(not_on_ground, broken, "the drone is not on the ground", "land it: `ledgerline tello land ADDRESS`")              \
+  X(takeoff_refused, broken, "link refuses a take-off", "docs/failsafe.md says what this cause clears by")            \
+  /* of all drones of a flight */                                                                                     \
+  X(frames_differ, broken, "poses of two drones are in different frames",                                             \
+    "let one motion capture publish all of them in one frame")                                                        \
+  X(outside_fence, broken, "a drone stands outside the fence",                                                        \
+    "put it inside, or give [fence] and motion capture the same origin and axes")                                     \
+  X(path_beyond_fence, broken, "the flight's path leaves the fence",                                                  \
     "a smaller side, another start, or [fence] as the room is")
 
 enum class Problem : std::uint8_t {
