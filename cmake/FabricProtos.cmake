@@ -57,7 +57,6 @@ add_library(fabric_protos STATIC ${message_sources})
 target_include_directories(fabric_protos SYSTEM PUBLIC $<BUILD_INTERFACE:${GENERATED}>)
 target_link_libraries(fabric_protos PUBLIC protobuf::libprotobuf)
 target_compile_options(fabric_protos PRIVATE -w ${GENERATED_OPTIONS})
-set_target_properties(fabric_protos PROPERTIES UNITY_BUILD_BATCH_SIZE 16)
 
 if(LEDGERLINE_NETWORK_PARTS)
   set(service_sources)

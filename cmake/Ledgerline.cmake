@@ -47,17 +47,12 @@ add_dependencies(unit_tests part_tests)
 add_custom_target(onboard_tests)
 add_custom_target(threads_tests)
 
-# Two thirds of a compilation are optimisation. What a program or a test has beside the libraries runs once or checks, so it
-# gets little of that: a third of the time of the whole release build is saved.
-set(LEDGERLINE_LITTLE_OPTIMISED $<$<CONFIG:RelWithDebInfo>:-O1>)
-
 # ll_program(NAME SOURCES main.cpp DEPS its_library): a program in bin/, with the frame that all have (common/program).
 function(ll_program name)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   ll_note_target(${name})
   target_link_libraries(${name} PRIVATE ledgerline_options ledgerline_program ${ARG_DEPS})
-  target_compile_options(${name} PRIVATE ${LEDGERLINE_LITTLE_OPTIMISED})
   target_link_options(${name} PRIVATE LINKER:--as-needed)  # packages' CMake files name more libraries than are used
   add_dependencies(programs ${name})
 endfunction()
@@ -101,7 +96,6 @@ function(ll_test name)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
-  target_compile_options(${name} PRIVATE ${LEDGERLINE_LITTLE_OPTIMISED})
   add_test(NAME ${name} COMMAND ${name})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT})
   ll_label_test(${name} ${ARG_LABELS})
@@ -122,7 +116,6 @@ function(ll_namespaced_test name)
   cmake_parse_arguments(ARG "" "" "SOURCES;PROGRAMS;DEPS;LABELS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ledgerline_options GTest::gtest ${ARG_DEPS})
-  target_compile_options(${name} PRIVATE ${LEDGERLINE_LITTLE_OPTIMISED})
   add_dependencies(${name} ${ARG_PROGRAMS})
   set(paths)
   foreach(program ${ARG_PROGRAMS})

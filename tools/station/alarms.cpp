@@ -17,9 +17,6 @@ struct VerbOptions {
 };
 
 Status show(Station& station, const VerbOptions& verb_options) {
-  const auto now_ms = station.now_ms();
-  if (!now_ms) return now_ms.error();
-  const TimeNs asked_ns = monotonic_ns();
   if (verb_options.watch) catch_stop_signals();
   std::uint64_t number = 0;
   do {
@@ -29,11 +26,13 @@ Status show(Station& station, const VerbOptions& verb_options) {
     if (station.connections() > 1) return Error{"the station closed the connection: it may have restarted"};
     const auto events = events_from(*body);
     if (!events) return events.error();
+    const auto now_ms = now_ms_from(*body);
+    if (!now_ms) return now_ms.error();
     if (verb_options.options.json && (number == 0 || !events->empty())) print_line(*body);
     for (const ShownEvent& event : *events) {
       number = event.number;
       if (!verb_options.options.json && (verb_options.all || event.level != "info"))
-        print_line(event_line(event, time_of_day(event.t_ms, *now_ms + to_ms(monotonic_ns() - asked_ns))));
+        print_line(event_line(event, time_of_day(event.t_ms, *now_ms)));
     }
     if (verb_options.watch) rest(ns_per_s);
   } while (verb_options.watch && !stop_requested);

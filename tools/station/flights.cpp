@@ -20,7 +20,7 @@ Status show(Station& station, bool as_json) {
   if (!event_list) return event_list.error();
   const auto events = events_from(*event_list);
   if (!events) return events.error();
-  const auto now_ms = station.now_ms();
+  const auto now_ms = now_ms_from(*event_list);
   if (!now_ms) return now_ms.error();
   const auto flown = flown_from(*drones, *missions, *events, *now_ms);
   if (!flown) return flown.error();

@@ -323,7 +323,7 @@ ApiAnswer answer_events(std::string_view query, const ApiContext& known) {
   }
   const auto first = std::ranges::find_if(known.events, [&](const Event& event) { return event.number > since; });
   const auto at = static_cast<std::size_t>(first - known.events.begin());
-  return {200, dump({{"events", events_json(known.events, at)}})};
+  return {200, dump({{"t_ms", to_ms(known.now_ns)}, {"events", events_json(known.events, at)}})};
 }
 
 ApiAnswer answer_faults(const ApiRequest& request, const ApiContext& known) {

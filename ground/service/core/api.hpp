@@ -132,6 +132,7 @@ struct ApiContext {
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
   const FaultList* faults = nullptr;       ///< null: none are switched here
   std::span<const std::size_t> aloft{}, stopped{}, stopped_by_ground{};  ///< as in BoardState
+  TimeNs now_ns = 0;                                                     ///< ground's clock
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const ApiContext& known);

@@ -97,7 +97,8 @@ class Hub {
             .faults = behind_.request_fault ? &faults_ : nullptr,
             .aloft = newest_.aloft,
             .stopped = newest_.stopped,
-            .stopped_by_ground = newest_.stopped_by_ground};
+            .stopped_by_ground = newest_.stopped_by_ground,
+            .now_ns = monotonic_ns()};
   }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }

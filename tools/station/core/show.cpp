@@ -224,6 +224,10 @@ Result<std::vector<ShownEvent>> events_from(std::string_view body) {
   });
 }
 
+Result<double> now_ms_from(std::string_view body) {
+  return read_answer<double>(body, "events", [](const json& read) { return read.at("t_ms").get<double>(); });
+}
+
 std::string event_line(const ShownEvent& event, const std::string& time) {
   return fmt::format("{}  {:<7}  {}{}", time, event.level, event.drone.empty() ? "" : event.drone + ": ", event.text);
 }

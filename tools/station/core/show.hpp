@@ -53,6 +53,8 @@ struct ShownEvent {
 };
 /// Of GET events, in order.
 Result<std::vector<ShownEvent>> events_from(std::string_view body);
+/// Of the same answer: ground's clock.
+Result<double> now_ms_from(std::string_view body);
 /// "12:00:01  alarm    tello1  stopped by ...".
 std::string event_line(const ShownEvent& event, const std::string& time);
 

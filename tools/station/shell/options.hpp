@@ -30,8 +30,6 @@ class Station {
   /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps
   /// nobody from landing or stopping a drone: what is anybody's is then asked with the page's token.
   Result<std::string> request(const Request& request);
-  /// Ground's clock, as the stream reports it.
-  Result<double> now_ms();
   /// How many connections were made for requests: one more, and the station may be another than before.
   unsigned connections() const;
 

@@ -6,9 +6,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
-#include <boost/beast/websocket.hpp>
 #include <chrono>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -22,12 +20,10 @@ namespace {
 namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = beast::http;
-namespace websocket = beast::websocket;
 using asio::ip::tcp;
 
 constexpr std::chrono::seconds timeout{15};  // unlocking an operator's key takes a part of a second
 constexpr std::size_t max_answer_bytes = 16 * 1024 * 1024;
-constexpr int max_messages = 1'000;  // of the stream before the first state: hello, blocks, events, paths
 
 /// Why a place is not reached; empty: it is.
 using Trouble = std::string;
@@ -139,33 +135,6 @@ Result<std::string> Station::request(const Request& request) {
   if (over && !request.anybodys)
     refusal += fmt::format("; the session in {} is over: ledgerline drones login", credentials_.session_file);
   return Error{std::move(refusal)};
-}
-
-Result<double> Station::now_ms() {
-  websocket::stream<web::Wire, false> stream(client_->io, client_->tls.get());
-  if (const Trouble trouble = client_->connect(place_, stream.next_layer()); !trouble.empty())
-    return not_reached(place_, trouble);
-  stream.next_layer().tcp().expires_after(timeout);
-  stream.set_option(websocket::stream_base::decorator([&](websocket::request_type& request) {
-    request.set(http::field::sec_websocket_protocol, "ledgerline.v1, token." + credentials_.token);
-  }));
-  stream.read_message_max(max_answer_bytes);
-  beast::error_code error =
-      client_->wait([&](auto ended) { stream.async_handshake(text_of(place_), "/api/v1/stream", ended); });
-  for (int i = 0; !error && i < max_messages; ++i) {
-    beast::flat_buffer buffer;
-    error = client_->wait([&](auto ended) { stream.async_read(buffer, ended); });
-    if (error) break;
-    const auto message = nlohmann::json::parse(beast::buffers_to_string(buffer.data()), nullptr, false);
-    if (!message.is_object() || message.value("op", nlohmann::json()) != "state") continue;
-    const auto t_ms = message.value("t_ms", nlohmann::json());
-    if (t_ms.is_number()) return t_ms.get<double>();
-    return Error{"the station's state does not say its time"};
-  }
-  if (!error) return Error{"the station's stream sends no state"};
-  if (error == websocket::error::upgrade_declined)
-    return Error{fmt::format("the station at {} does not take the token for its stream", text_of(place_))};
-  return not_reached(place_, words_of(error));
 }
 
 }  // namespace ledgerline::station

@@ -128,6 +128,7 @@ TEST(WhatTheStationSays, IsAnErrorWhereItIsNotTheApi) {
   EXPECT_FALSE(mission_rows("{}"));
   EXPECT_FALSE(mission_text("[]"));
   EXPECT_FALSE(events_from(R"({"events":[{"n":-1}]})"));
+  EXPECT_FALSE(now_ms_from(R"({"events":[]})"));
 }
 
 TEST(TheTableOfMissions, CountsApprovals) {
@@ -158,8 +159,10 @@ TEST(AMission, SaysHowManyApprovalsItHas) {
 }
 
 TEST(AnEvent, IsALine) {
-  const auto events = events_from(R"({"events":[{"n":7,"t_ms":5.5,"level":"alarm","drone":"tello1","text":"failed"},
-    {"n":8,"t_ms":6,"level":"info","drone":"","text":"reached"}]})");
+  const char* const body = R"({"t_ms":9.5,"events":[{"n":7,"t_ms":5.5,"level":"alarm","drone":"tello1","text":"failed"},
+    {"n":8,"t_ms":6,"level":"info","drone":"","text":"reached"}]})";
+  EXPECT_EQ(*now_ms_from(body), 9.5);
+  const auto events = events_from(body);
   ASSERT_TRUE(events) << events.error().message;
   EXPECT_EQ(events->at(0).number, 7U);
   EXPECT_EQ(event_line(events->at(0), "12:00:00"), "12:00:00  alarm    tello1: failed");

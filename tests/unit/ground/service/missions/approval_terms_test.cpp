@@ -12,7 +12,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-const crypto::IdentityName alice{"Org2MSP", "CN=alice"}, bob{"Org2MSP", "CN=bob"}, ground{"Org2MSP", "CN=ground"};
+const crypto::IdentityName anna{"Org2MSP", "CN=anna"}, bob{"Org2MSP", "CN=bob"}, ground{"Org2MSP", "CN=ground"};
 constexpr std::int64_t day_s = 86'400;
 
 TEST(ApprovalTerms, AnApprovalIsOfOneMissionAtOneGroundAndOfNothingElse) {
@@ -28,7 +28,7 @@ TEST(ApprovalTerms, AnApprovalIsOfOneMissionAtOneGroundAndOfNothingElse) {
   EXPECT_EQ(all.size(), 4U);
   add({ground, day_s}, mission, 10 * day_s);
   EXPECT_EQ(all.size(), 4U) << "the same for the same";
-  add({alice, day_s}, mission, 10 * day_s);
+  add({anna, day_s}, mission, 10 * day_s);
   EXPECT_EQ(all.size(), 8U);
   add({{"Org2MSP\nCN=ground", ""}, day_s}, mission, 10 * day_s);
   EXPECT_EQ(all.size(), 12U);
@@ -53,11 +53,11 @@ TEST(ApprovalTerms, AnApprovalEndsBetweenHalfOfItsTimeAndTheWholeOfIt) {
 }
 
 TEST(ApprovalTerms, AWithdrawalEndsWhatWasApprovedBeforeItAndNobodyElses) {
-  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{alice}, {}}, {{alice, bob}, {}}}),
-              ElementsAre(alice, bob));
-  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{}, {alice}}, {{alice, bob}, {}}}), ElementsAre(bob));
-  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{alice}, {alice}}, {}}), IsEmpty());
-  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{alice}, {}}, {{alice}, {alice}}}), ElementsAre(alice))
+  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{anna}, {}}, {{anna, bob}, {}}}),
+              ElementsAre(anna, bob));
+  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{}, {anna}}, {{anna, bob}, {}}}), ElementsAre(bob));
+  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{anna}, {anna}}, {}}), IsEmpty());
+  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{anna}, {}}, {{anna}, {anna}}}), ElementsAre(anna))
       << "approved again since";
 }
 
