@@ -74,11 +74,10 @@ npm_packages() {  # npm_packages FROM TO: what FROM/package-lock.json names, aga
 }
 
 page_libraries() {  # what the ground station's page is built with; a page without them can do all but its 3-D view and charts
-  if ! command -v npm >/dev/null; then
-    say "npm is missing: the page is built without its 3-D view and charts (apt-get install npm)"
-  else
-    (npm_packages "$root/ground/page/lib" "$root/build/npm-station") || say "the page is built without its 3-D view and charts"
-  fi
+  local from="$root/ground/page/lib" to="$root/build/npm-station"
+  cmp -s "$from/package-lock.json" "$to/package-lock.json" && return
+  (install_packages page && npm_packages "$from" "$to") ||
+    say "the page is built without its 3-D view and charts; with npm (apt-get install npm) the next build has them"
 }
 
 # build PRESET TARGET...: configures where needed and builds, with a bar on a terminal.

@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <ifaddrs.h>
+#include <netinet/in.h>
 #include <signal.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -109,7 +111,7 @@ Status Network::prepare() {
 
 Status Network::up() {
   const Status set_up =
-      in_order({[&] { return check_room(); }, [&] { return prepare(); },
+      in_order({[&] { return check_own_address(); }, [&] { return check_room(); }, [&] { return prepare(); },
                 [&] { return check_free(site_.places().bound(site_.options())); },
                 [&] { return deployment_.make_packages(); }, [&] { return start_orderers_and_peers(); },
                 [&] { return join_orderers(site_); }, [&] { return join_peers(site_); },
@@ -119,6 +121,24 @@ Status Network::up() {
   if (!set_up) return set_up;
   site_.processes().supervise();
   return wait_for_leader(site_);
+}
+
+/// Whatever its settings say, a peer looks for an IPv4 address outside 127.0.0.0/8 when it starts, and ends without one
+/// (Fabric's getLocalAddress, core/peer/config.go); it does not use what it finds.
+Status Network::check_own_address() {
+  ifaddrs* all = nullptr;
+  if (site_.own_organisations().empty() || ::getifaddrs(&all) != 0) return done;
+  bool found = false;
+  for (const ifaddrs* i = all; i; i = i->ifa_next) {
+    if (!i->ifa_addr || i->ifa_addr->sa_family != AF_INET) continue;
+    const in_addr_t address = ntohl(reinterpret_cast<const sockaddr_in*>(i->ifa_addr)->sin_addr.s_addr);
+    found = found || address >> IN_CLASSA_NSHIFT != IN_LOOPBACKNET;
+  }
+  ::freeifaddrs(all);
+  if (found) return done;
+  return Error{
+      "this host has no IPv4 address but loopback's, and Fabric's peers do not start without one, though they need no "
+      "network: as root, `ip addr add 10.255.255.1/32 dev lo`"};
 }
 
 /// Each orderer makes two files of 64 MB for each channel beforehand; some more is for what is written later. What the

@@ -37,6 +37,7 @@ class Network {
   Result<Counts> count() { return count_blocks(site_); }
 
  private:
+  Status check_own_address();
   Status check_room();
   Status start_orderers_and_peers();
 

@@ -220,7 +220,7 @@ Status CsvReader::take(std::span<const std::string_view> cells, bool then, int l
   if (cells.size() != columns) return Error{fmt::format("{} columns, not {} as the heading", cells.size(), columns)};
   const auto drone = drone_of(cells[0]);
   if (!drone) return drone.error();
-  auto waypoint = motion::waypoint_of(cells.subspan(1, 4), max_coordinate_m);
+  auto waypoint = motion::waypoint_of(cells.subspan(1, 4));
   if (!waypoint) return waypoint.error();
   if ((*drone)->waypoints.size() == motion::max_waypoints)
     return Error{fmt::format("more than {} waypoints of drone {}", motion::max_waypoints, (*drone)->drone)};
@@ -270,7 +270,7 @@ Result<Mission> mission_from_json(std::string_view text) {
   return mission_from_json(*parsed);
 }
 
-Result<Mission> mission_from_csv(std::string_view text, const std::string& name) {
+Result<Mission> mission_from_csv(std::string_view text, const std::string& name, const std::string& file) {
   if (const Status size = check_size(text); !size) return size.error();
   CsvReader reader;
   reader.mission.name = name;
@@ -285,7 +285,8 @@ Result<Mission> mission_from_csv(std::string_view text, const std::string& name)
     } else {
       taken = reader.take(cells, *then, lines.number());
     }
-    if (!taken) return Error{fmt::format("line {}: {}", lines.number(), taken.error().message)};
+    if (!taken)
+      return Error{fmt::format("{}{}: {}", file.empty() ? "line " : file + ":", lines.number(), taken.error().message)};
   }
   if (!then) return Error{"the mission has no line"};
   return bounded(std::move(reader.mission));

@@ -13,14 +13,13 @@
 /// Missions: several drones, a path each, flown together (docs/station.md). All of this is without I/O.
 namespace ledgerline::ground::mission {
 
+using motion::max_coordinate_m;
 using motion::Waypoint;
 
 inline constexpr std::size_t max_drones = 64;
 inline constexpr std::size_t max_name = 64;  ///< characters of a mission's and a drone's name
 /// Of a mission as text. 64 drones of 500 waypoints, each number with all its 17 digits, are 3.4 MB.
 inline constexpr std::size_t max_mission_bytes = 4'194'304;
-/// Of x and y in the map. What is further away is a mistake in writing: a path is within 100 m of its start.
-inline constexpr double max_coordinate_m = 1'000;
 
 struct MissionDrone {
   std::string drone;
@@ -67,7 +66,8 @@ Result<Mission> mission_from_json(const nlohmann::json& given);
 
 /// A heading `drone,x,y,z,speed` or `drone,x,y,z,speed,then`, then a line for each waypoint in its drone's order; the
 /// drones' lines may be mixed. z, speed and then may be empty; `then` of any of a drone's lines holds for the drone.
-/// `#` begins a comment. A file has no name for the mission: `name`.
-Result<Mission> mission_from_csv(std::string_view text, const std::string& name);
+/// `#` begins a comment. A file has no name for the mission: `name`. `file`: errors begin with it and the line, as
+/// those of motion::path_from_csv(); empty: with the line alone.
+Result<Mission> mission_from_csv(std::string_view text, const std::string& name, const std::string& file = "");
 
 }  // namespace ledgerline::ground::mission

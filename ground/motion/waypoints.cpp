@@ -23,10 +23,7 @@ Status check_from(const Waypoint& point, const Eigen::Vector2d& from_m) {
   return check_limits(point);
 }
 
-bool is_heading(const std::vector<std::string_view>& cells) {
-  return !cells.empty() && !cells[0].empty() && std::isalpha(static_cast<unsigned char>(cells[0].front())) != 0 &&
-         cells[0] != "nan" && cells[0] != "inf";
-}
+bool is_heading(const std::vector<std::string_view>& cells) { return cells[0] == "x"; }
 
 }  // namespace
 
@@ -71,14 +68,14 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m) {
   return points;
 }
 
-Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file) {
+Result<std::vector<Waypoint>> path_from_csv(std::string_view text, const std::string& file) {
   std::vector<Waypoint> points;
   bool first = true;
   for (CsvLines lines(text); lines.next();) {
     const int number = lines.number();
     const auto cells = cells_of(lines.line());
     if (std::exchange(first, false) && is_heading(cells)) continue;
-    const auto point = waypoint_of(cells, max_distance_m);
+    const auto point = waypoint_of(cells);
     if (!point) return Error{fmt::format("{}:{}: {}", file, number, point.error().message)};
     if (!points.empty() && (point->at_m - points.back().at_m).norm() < min_apart_m)
       return Error{fmt::format("{}:{}: closer than 1 cm to the point before", file, number)};
@@ -87,17 +84,31 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
     points.push_back(*point);
     points.back().line = number;
   }
-  if (points.size() < min_points)
-    return Error{fmt::format("{}: {} points, at least {} are needed", file, points.size(), min_points)};
-  if ((points.back().at_m - points.front().at_m).norm() < min_apart_m)
-    return Error{fmt::format("{}:{}: the first point again: the path closes by itself", file, points.back().line)};
-  const Eigen::Vector2d origin = points.front().at_m;
-  for (Waypoint& point : points) {
+  if (points.empty()) return Error{file + ": has no point"};
+  return points;
+}
+
+Result<std::vector<Waypoint>> waypoints_from_csv(std::string_view text, const std::string& file) {
+  auto points = path_from_csv(text, file);
+  if (!points) return points;
+  if (points->size() < min_points)
+    return Error{fmt::format("{}: {} points, at least {} are needed", file, points->size(), min_points)};
+  if ((points->back().at_m - points->front().at_m).norm() < min_apart_m)
+    return Error{fmt::format("{}:{}: the first point again: the path closes by itself", file, points->back().line)};
+  const Eigen::Vector2d origin = points->front().at_m;
+  for (Waypoint& point : *points) {
     point.at_m -= origin;
     if (point.at_m.norm() > max_distance_m)
       return Error{fmt::format("{}:{}: more than {} m from the first point", file, point.line, max_distance_m)};
   }
   return points;
+}
+
+std::string moved_note(std::string_view text, const std::string& file) {
+  const auto points = path_from_csv(text, file);
+  if (!points || points->front().at_m.norm() < min_apart_m) return "";
+  return fmt::format("{}:{}: {:g}, {:g} is flown from where the drone takes off, wherever that is", file,
+                     points->front().line, points->front().at_m.x(), points->front().at_m.y());
 }
 
 std::string decimal_comma_note(const std::string& text, const std::string& file) {
@@ -220,7 +231,7 @@ std::vector<std::string_view> cells_of(std::string_view line) {
   }
 }
 
-Result<Waypoint> waypoint_of(std::span<const std::string_view> cells, double max_coordinate_m) {
+Result<Waypoint> waypoint_of(std::span<const std::string_view> cells) {
   if (cells.size() < 2 || cells.size() > 4) return Error{fmt::format("{} columns, not x,y[,z[,speed]]", cells.size())};
   const auto x = number_in(cells[0], "x", -max_coordinate_m, max_coordinate_m);
   if (!x) return x.error();

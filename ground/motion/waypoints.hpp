@@ -25,6 +25,8 @@ inline constexpr double min_apart_m = 0.01;  ///< of two in a row; what is neare
 inline constexpr double min_height_m = 0.3, max_height_m = 10;
 inline constexpr double min_speed_mps = 0.05, max_speed_mps = 8;
 inline constexpr double max_distance_m = 100;  ///< of a waypoint from where its way begins
+/// Of x and y in the map. What is further away is a mistake in writing: a path is within 100 m of its start.
+inline constexpr double max_coordinate_m = 1'000;
 
 /// A corner of a path. Metres from the first one, which lies where the drone takes off.
 struct Waypoint {
@@ -46,10 +48,18 @@ struct Waypoint {
 /// sides, so that it closes without turning back on itself. The eight is 96 pieces.
 std::vector<Waypoint> waypoints_of(Shape shape, double side_m);
 
-/// Waypoints as text: a line each, `x,y[,z[,speed]]` in metres and m/s, empty z or speed as if not there; `#` begins a
-/// comment; a first line with the columns' names is allowed. 3 to 500 points, within 100 m of each other, no two in a
-/// row closer than 1 cm, 0.3 <= z <= 10, 0.05 <= speed <= 8. An error names file, line and what is allowed.
-Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file);
+/// A path as text: a line each, `x,y[,z[,speed]]` in metres of the map and m/s, empty z or speed as if not there; `#`
+/// begins a comment; a first line may name the columns, `x,y`. 1 to 500 points, no two in a row closer than
+/// 1 cm, x and y to 1,000 m, 0.3 <= z <= 10, 0.05 <= speed <= 8. An error names file, line and what is allowed.
+Result<std::vector<Waypoint>> path_from_csv(std::string_view text, const std::string& file);
+
+/// The same as a closed path from where a drone takes off: moved so that its first point lies there. 3 points at least,
+/// within 100 m of the first.
+Result<std::vector<Waypoint>> waypoints_from_csv(std::string_view text, const std::string& file);
+
+/// For a person, where waypoints_from_csv() moves such a file: its drone flies elsewhere than where the file says.
+/// Empty: its first point is 0,0, or it has none.
+std::string moved_note(std::string_view text, const std::string& file);
 
 /// Where each row of such a file is four whole numbers, it may be two with decimal commas as well ("1,5,1,5"): a note
 /// for a person that names the first such row and how it is read, since both are files that somebody may mean. Else
@@ -100,7 +110,7 @@ inline constexpr std::size_t max_cells = 16;
 /// Without blanks around them, one more than max_cells at most; valid as long as the line.
 std::vector<std::string_view> cells_of(std::string_view line);
 
-/// x,y[,z[,speed]], empty z or speed as if not there; x and y from -max_coordinate_m to it. The error names the column.
-Result<Waypoint> waypoint_of(std::span<const std::string_view> cells, double max_coordinate_m);
+/// x,y[,z[,speed]], empty z or speed as if not there. The error names the column.
+Result<Waypoint> waypoint_of(std::span<const std::string_view> cells);
 
 }  // namespace ledgerline::ground::motion

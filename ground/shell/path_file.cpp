@@ -33,7 +33,9 @@ Result<PathChoice> path_choice_from(const std::string& shape_or_file) {
   if (const auto text = read_text(shape_or_file)) {
     auto waypoints = motion::waypoints_from_csv(*text, shape_or_file);
     if (!waypoints) return waypoints.error();
-    return PathChoice{Shape::square, std::move(*waypoints), motion::decimal_comma_note(*text, shape_or_file)};
+    std::string note = motion::decimal_comma_note(*text, shape_or_file);
+    if (note.empty()) note = motion::moved_note(*text, shape_or_file);
+    return PathChoice{Shape::square, std::move(*waypoints), std::move(note)};
   } else if (std::filesystem::exists(shape_or_file, error)) {
     return text.error();
   }

@@ -1,8 +1,10 @@
 #include <filesystem>
+#include <optional>
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/base/text.hpp"
+#include "common/common.pb.h"
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -46,11 +48,28 @@ Result<init::ProfilePlan> plan_by_deployment(const Options& options) {
   return init::ProfilePlan{std::move(*plan), {}};
 }
 
+Result<fabric::ChannelConfig> read_block(const std::string& path) {
+  const auto bytes = read_file(path);
+  if (!bytes) return bytes.error();
+  common::Block block;
+  if (!block.ParseFromString(*bytes)) return Error{path + " is no block"};
+  auto config = fabric::read_channel_config(block);
+  if (!config) return Error{path + ": " + config.error().message};
+  return config;
+}
+
 Result<init::ProfilePlan> plan_by_profile(const Options& options) {
   auto text = read_file(options.profile);
   if (!text) return text.error();
+  std::optional<fabric::ChannelConfig> block;
+  if (!options.folders.config_block.empty()) {
+    auto read = read_block(options.folders.config_block);
+    if (!read) return read.error();
+    block = std::move(*read);
+  }
   auto planned = init::plan_of_profile(*text, options.msp_id, options.host, options.folders, options.channels,
-                                       std::filesystem::absolute(options.profile).parent_path().string());
+                                       std::filesystem::absolute(options.profile).parent_path().string(),
+                                       block ? &*block : nullptr);
   if (!planned) return planned.error();
   auto drones = init::drones_of(options.drones);
   if (!drones) return drones.error();
@@ -121,7 +140,10 @@ void role_options(CommandLine& line, Options& options) {
               "with --role ledger: an authority whose certificates the embedded ledger asks its clients for")
       .one_at_a_time()
       .utf8_path();
-  line.option("--config-block", options.folders.config_block, "trust anchor; without: OUT/CHANNEL.block").utf8_path();
+  line.option("--config-block", options.folders.config_block,
+              "trust anchor; without: OUT/CHANNEL.block. With --profile the channel's name and its organisations, with "
+              "their authorities, are read from it")
+      .utf8_path();
   line.option("--batch-timeout", options.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
       .within(0.0, 60'000.0)
       .shows_default();

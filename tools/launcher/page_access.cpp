@@ -26,10 +26,8 @@ Result<ListenAddress> listen_address_from(const std::string& text) {
   in_addr parsed{};
   if (::inet_pton(AF_INET, listen.address.c_str(), &parsed) != 1 || parsed.s_addr == INADDR_ANY) return wrong;
   if (colon == std::string::npos) return listen;
-  const std::string port = text.substr(colon + 1);
-  if (port.empty() || port.size() > 5 || port.find_first_not_of("0123456789") != std::string::npos) return wrong;
-  listen.port = std::stoi(port);
-  if (listen.port < 1 || listen.port > 65'535) return wrong;
+  if (!check_endpoint(text)) return wrong;
+  listen.port = std::stoi(text.substr(colon + 1));
   return listen;
 }
 

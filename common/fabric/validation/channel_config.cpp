@@ -48,7 +48,7 @@ Result<crypto::MspRoot> read_msp(const std::string& name, const common::ConfigGr
   }
   crypto::MspRoot root{fabric.name(), {}};
   for (const auto* list : {&fabric.root_certs(), &fabric.intermediate_certs()}) {
-    for (const std::string& pem : *list) root.ca_pem += pem + "\n";
+    for (const std::string& pem : *list) root.ca_pem += pem.ends_with('\n') ? pem : pem + "\n";
   }
   for (const std::string& entry : fabric.revocation_list()) {
     const auto list = crypto::list_of_entry(entry);

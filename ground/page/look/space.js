@@ -29,7 +29,7 @@ export class SpaceSwitch {
   toggle(on = !this.#on) {
     if (on === this.#on) return;
     if (on && !this.#libraries) {
-      this.#say('This station was built without its 3-D view and charts: the plan shows what there is.');
+      this.#say('This station was built without its 3-D view and charts, since npm was missing: the plan shows what there is.');
       return;
     }
     if (on && this.#draft.on) this.#draft.toggle(false);

@@ -4,6 +4,7 @@ import os
 import pathlib
 import shutil
 import subprocess
+import tomllib
 
 import findings
 import pytest
@@ -76,6 +77,27 @@ def test_doctor_finds_nothing_wrong_with_them(hosts):
         assert sorted(file.stem for file in folder.glob("*.toml")) == sorted(files)
         done = subprocess.run([BIN / "ledgerline", "doctor", "--config-dir", folder, "--json"], capture_output=True, text=True, timeout=60)
         assert not [each for each in findings.of_doctor(done).values() if each["verdict"] == "broken"], done.stdout
+
+
+def test_channel_and_organisations_are_those_of_a_config_block_where_a_profile_names_neither(hosts, tmp_path):
+    network = hosts[0].parent
+    profile = json.loads((network / "profile.json").read_text())
+    del profile["channels"]
+    profile["organizations"] = {"Org1": {"mspid": "Org1MSP", "peers": ["yard.org1"]}}  # as those of fabric-samples' test-network
+    (tmp_path / "profile.json").write_text(json.dumps(profile))
+    msp = next(network.glob("ledger/crypto/peerOrganizations/org1*")) / "users/Admin@org1.ledgerline/msp"
+    certificate, key = (next((msp / part).iterdir()) for part in ("signcerts", "keystore"))
+    words = ("--role", "bridge", "--profile", tmp_path / "profile.json", "--msp-id", "Org1MSP", "--msp-dir", msp, "--tls-certificate", certificate,
+             "--tls-key", key)
+    init(*words, "--out", tmp_path / "host", "--state-dir", tmp_path, "--config-block", network / "yard/yard.block")
+    config = tomllib.loads((tmp_path / "host/bridge.toml").read_text())
+    assert config["ledger"]["channel"] == "yard"
+    assert [one["id"] for one in config["msp"]] == ["Org1MSP", "Org2MSP", "Org3MSP"]
+    for one in config["msp"]:
+        assert pathlib.Path(one["ca"]).read_bytes() == (hosts[0] / "authorities" / f"{one['id']}.pem").read_bytes()
+    done = subprocess.run([BIN / "ledgerline", "init", *words, "--out", tmp_path / "other", "--config-block", tmp_path / "profile.json"],
+                          capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and "profile.json is no block" in done.stderr, done.stderr
 
 
 def start(folder: pathlib.Path, program: str, *words) -> Program:

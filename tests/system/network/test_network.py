@@ -4,6 +4,7 @@ import io
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import socket
@@ -13,6 +14,7 @@ import time
 
 import pytest
 from fabric import BIN, FABRIC, TIMEOUT_S, Network, Peer, fabric, leader_in, needs_fabric, processes_in
+from netns import Namespace
 
 ROOT = pathlib.Path(__file__).parents[3]
 
@@ -192,6 +194,16 @@ def test_a_port_that_is_taken_is_named(tmp_path):
         done = up(tmp_path / "net", "--first-port", str(port))
     assert done.returncode == 1 and f"TCP 127.0.0.1:{port} is taken" in done.stderr
     assert living(tmp_path / "net") == []
+
+
+def test_a_host_without_any_network_is_told_how_to_get_the_address_that_peers_want(tmp_path):
+    with contextlib.closing(Namespace()) as alone:
+        command = alone.command(BIN / "ledgerline", "fabric", "run", "--dir", tmp_path / "net", "--tools", FABRIC)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S)
+        assert done.returncode == 1 and "no IPv4 address but loopback's" in done.stderr, done.stderr
+        assert not (tmp_path / "net/crypto").exists(), "it is said before anything is made"
+        alone.run(*re.search("`(.*?)`", done.stderr)[1].split())
+        Network(tmp_path / "net", command=alone.command).wait_ready().stop()
 
 
 def test_a_disk_without_room_is_refused_with_place_and_figures(tmp_path):

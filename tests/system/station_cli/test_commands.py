@@ -175,7 +175,7 @@ def test_a_mission_is_flown_by_commands(tmp_path):
     named.write_text(MISSION.read_text())
     assert alice.json("missions", "add", named, "--name", "again")["name"] == "again"
     named.write_text("drone,x,y,z,speed\ntello9,far,0,,\n")
-    assert "line 2" in alice.refused("missions", "add", named)
+    assert f"{named}:2: x" in alice.refused("missions", "add", named)
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 0, printed(tmp_path)
     assert_nothing_left()

@@ -12,6 +12,10 @@
 #include "tools/configuration/config_file.hpp"
 #include "tools/deployment/deployment.hpp"
 
+namespace ledgerline::fabric {
+struct ChannelConfig;
+}
+
 /// What one host's configs must say, out of a deployment.toml or a connection profile of Fabric; and these configs by
 /// its role. Pure.
 /// What `ledgerline init` puts on a host: new files, and the host's identity, made on it: MSP_DIR/keystore/priv_sk,
@@ -83,17 +87,19 @@ struct PublicFile {
 };
 struct ProfilePlan {
   HostPlan plan;
-  std::vector<PublicFile> files;  ///< TLS authorities, for Folders::tls_of
+  std::vector<PublicFile> files;  ///< TLS authorities, for Directories::tls_of; and authorities, for authority_of
 };
 /// Of Fabric's connection profile (JSON): the peers of `msp_id`'s organisation, the first of which is asked, those of
 /// others, and orderers. For a channel of its `channels` it is the first one that it lists there. Authorities that it
 /// has as PEM (in base64, too) become files, those that it has as paths are named: `profile_folder`, absolute, is what
 /// a relative one counts from. A channel `_default` is every one without an entry of its own. `channels`: as
 /// add_channels() takes them; where the profile names several that none of them gives drones to, a bare NAME says which
-/// one is the first, else an error does.
+/// one is the first, else an error does. `block`: of the first channel, where its config block is at hand: its name and
+/// organisations count, and the organisations' authorities become files.
 Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
-                                    const Directories& folders, const std::vector<std::string>& channels = {},
-                                    const std::string& profile_folder = "");
+                                    const Directories& folders, std::vector<std::string> channels = {},
+                                    const std::string& profile_folder = "",
+                                    const fabric::ChannelConfig* block = nullptr);
 
 /// admin: the identity that enrols drones and gives grants, from any host.
 enum class Role : std::uint8_t { drone_host, ground, ledger, chaincode, bridge, admin };

@@ -9,6 +9,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/channels.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "tools/init/core/host.hpp"
 
 namespace ledgerline::init {
@@ -170,11 +171,37 @@ Status read_channels(const json& profile, const std::vector<std::string>& own_pe
   return done;
 }
 
+/// Adds the block's channel to those that are wanted, as the first one.
+Status want_channel_of(const fabric::ChannelConfig& block, std::vector<std::string>& wanted) {
+  const auto named = std::find_if(wanted.begin(), wanted.end(),
+                                  [](const std::string& text) { return text.find('=') == std::string::npos; });
+  if (named == wanted.end())
+    wanted.push_back(block.channel);
+  else if (*named != block.channel)
+    return Error{fmt::format("--channel {}: the config block is of channel {}", *named, block.channel)};
+  return done;
+}
+
+/// A profile may know its own organisation alone, as each of fabric-samples' test-network does. By name, since a block
+/// has them in no order, and a second init must write the same.
+Status take_organisations(const fabric::ChannelConfig& block, ProfilePlan& planned) {
+  HostPlan& plan = planned.plan;
+  plan.msp_ids.clear();
+  for (const crypto::MspRoot& organisation : block.organisations) {
+    plan.msp_ids.push_back(organisation.msp_id);
+    planned.files.push_back({plan.folders.authority_of(organisation.msp_id), organisation.ca_pem});
+  }
+  std::sort(plan.msp_ids.begin(), plan.msp_ids.end());
+  if (std::find(plan.msp_ids.begin(), plan.msp_ids.end(), plan.msp_id) != plan.msp_ids.end()) return done;
+  return Error{fmt::format("{} is not on channel {}: its config block has {}", plan.msp_id, block.channel,
+                           fmt::join(plan.msp_ids, ", "))};
+}
+
 }  // namespace
 
 Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::string& msp_id, const std::string& host,
-                                    const Directories& folders, const std::vector<std::string>& channels,
-                                    const std::string& profile_folder) {
+                                    const Directories& folders, std::vector<std::string> channels,
+                                    const std::string& profile_folder, const fabric::ChannelConfig* block) {
   const json profile = json::parse(profile_json, nullptr, false);
   if (profile.is_discarded() && is_yaml(profile_json))
     return Error{
@@ -202,6 +229,9 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
     }
   }
   if (plan.own.endpoint.empty()) return Error{fmt::format("the profile has no peer of an organisation {}", msp_id)};
+  if (block) {
+    if (auto status = want_channel_of(*block, channels); !status) return status.error();
+  }
   if (auto status = read_channels(profile, own_peers, channels, reader, plan); !status) return status.error();
   json orderers = part(profile, "orderers");
   if (!orderers.is_object()) orderers = json::object();
@@ -210,7 +240,11 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
     if (!server) return server.error();
     plan.orderers.push_back(std::move(*server));
   }
-  return ProfilePlan{std::move(plan), reader.release_files()};
+  ProfilePlan planned{std::move(plan), reader.release_files()};
+  if (block) {
+    if (auto status = take_organisations(*block, planned); !status) return status.error();
+  }
+  return planned;
 }
 
 }  // namespace ledgerline::init

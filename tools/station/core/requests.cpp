@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
-#include <span>
 #include <utility>
 
 #include "common/base/text.hpp"
@@ -14,8 +13,6 @@ namespace ledgerline::station {
 namespace {
 
 using nlohmann::json;
-
-bool is_heading(std::span<const std::string_view> cells) { return cells.size() >= 2 && cells[0] == "x"; }
 
 json json_of(const ground::motion::Waypoint& point) {
   json one{{"x", point.at_m.x()}, {"y", point.at_m.y()}};
@@ -49,18 +46,10 @@ std::string to_body(const std::string& msp, const std::string& subject) {
 }
 
 Result<std::string> path_body(const std::string& csv, const std::string& file, bool land) {
+  const auto path = ground::motion::path_from_csv(csv, file);
+  if (!path) return path.error();
   json waypoints = json::array();
-  bool first = true;
-  for (ground::motion::CsvLines lines(csv); lines.next();) {
-    const auto cells = ground::motion::cells_of(lines.line());
-    if (std::exchange(first, false) && is_heading(cells)) continue;
-    const auto point = ground::motion::waypoint_of(cells, ground::mission::max_coordinate_m);
-    if (!point) return Error{fmt::format("{}:{}: {}", file, lines.number(), point.error().message)};
-    if (waypoints.size() == ground::motion::max_waypoints)
-      return Error{fmt::format("{}:{}: more than {} points", file, lines.number(), ground::motion::max_waypoints)};
-    waypoints.push_back(json_of(*point));
-  }
-  if (waypoints.empty()) return Error{file + ": has no point"};
+  for (const ground::motion::Waypoint& point : *path) waypoints.push_back(json_of(point));
   return json{{"waypoints", waypoints}, {"then", land ? "land" : "hover"}}.dump();
 }
 
@@ -87,6 +76,7 @@ Result<Request> mission_to_add(const std::string& file, std::string text, const 
   if (!ground::mission::is_name(named))
     return Error{fmt::format("\"{}\" is no mission's name: 1 to 64 of A-Z, a-z, 0-9, _ and - (--name)",
                              printable(named, ground::mission::max_name))};
+  if (const auto mission = ground::mission::mission_from_csv(text, named, file); !mission) return mission.error();
   Request request = post("missions?name=" + named, std::move(text));
   request.content_type = "text/csv";
   return request;

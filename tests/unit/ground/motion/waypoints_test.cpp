@@ -27,7 +27,8 @@ TEST(Course, WaypointsComeWithHeightAndSpeedWhereTheyAreGiven) {
 }
 
 TEST(Course, ABadLineIsNamedWithWhatIsAllowed) {
-  EXPECT_THAT(refused("0,0\n1,x\n1,1\n"), HasSubstr("way.csv:2: y \"x\" is no number from -100 to 100"));
+  EXPECT_THAT(refused("0,0\n1,x\n1,1\n"), HasSubstr("way.csv:2: y \"x\" is no number from -1000 to 1000"));
+  EXPECT_THAT(refused("north,0\n1,0\n1,1\n"), HasSubstr("way.csv:1: x \"north\""));
   EXPECT_THAT(refused("0,0\n1\n1,1\n"), HasSubstr("way.csv:2: 1 columns, not x,y[,z[,speed]]"));
   EXPECT_THAT(refused("0,0\n1,0,1,1,1\n1,1\n"), HasSubstr("way.csv:2: 5 columns"));
   EXPECT_THAT(refused("0,0\n\n1,nan\n1,1\n"), HasSubstr("way.csv:3: y \"nan\""));
@@ -37,11 +38,27 @@ TEST(Course, ABadLineIsNamedWithWhatIsAllowed) {
   EXPECT_THAT(refused("0,0\n1,0\n1,1\n0,0\n"), HasSubstr("way.csv:4: the first point again"));
   EXPECT_THAT(refused("-90,0\n90,0\n0,1\n"), HasSubstr("way.csv:2: more than 100 m from the first point"));
   EXPECT_THAT(refused("0,0\n1,0\n"), HasSubstr("way.csv: 2 points, at least 3"));
-  EXPECT_THAT(refused(""), HasSubstr("way.csv: 0 points"));
+  EXPECT_THAT(refused(""), HasSubstr("way.csv: has no point"));
   EXPECT_THAT(refused("0,0\n1,0\nx,y\n1,1\n"), HasSubstr("way.csv:3"));  // a heading in the middle
   std::string many;
   for (int i = 0; i < 501; ++i) many += std::to_string(i % 90) + "," + std::to_string(i / 90) + "\n";
   EXPECT_THAT(refused(many), HasSubstr("way.csv:501: more than 500 points"));
+}
+
+TEST(Course, AFileThatDoesNotBeginAtTheOriginIsNotedAsMoved) {
+  EXPECT_EQ(moved_note("x,y\n3,-2.5\n4,0\n4,1\n", "way.csv"),
+            "way.csv:2: 3, -2.5 is flown from where the drone takes off, wherever that is");
+  EXPECT_EQ(moved_note("0,0\n1,0\n1,1\n", "way.csv"), "");
+  EXPECT_EQ(moved_note("north", "way.csv"), "");
+}
+
+TEST(Course, APathLiesWhereItsFileSays) {
+  const auto path = path_from_csv("x,y\n300,2\n301,2,1.5\n300,2\n", "way.csv");
+  ASSERT_TRUE(path) << path.error().message;
+  ASSERT_EQ(path->size(), 3u);
+  EXPECT_EQ((*path)[0].at_m, Eigen::Vector2d(300, 2));
+  EXPECT_EQ((*path)[2].line, 4);
+  EXPECT_EQ(path_from_csv("1,1\n", "way.csv")->size(), 1u);
 }
 
 TEST(Waypoints, OfFourWholeNumbersAreNotedAsMaybeOfDecimalCommas) {

@@ -381,6 +381,46 @@ TEST(InitProfile, TakesDefaultAsAllChannels) {
   EXPECT_EQ(planned->plan.own_of("pond").endpoint, "b:7051");
 }
 
+/// As each profile of fabric-samples' test-network: its own organisation alone, and no channels.
+Result<ProfilePlan> of_test_network(const fabric::ChannelConfig& block, const std::vector<std::string>& channels = {}) {
+  return plan_of_profile(R"({"organizations": {"Org1": {"mspid": "Org1MSP", "peers": ["p"]}},
+    "peers": {"p": {"url": "grpcs://p:7051", "tlsCACerts": {"pem": "P"}}}})",
+                         "Org1MSP", "", Directories{.config_block = "/net/mychannel.block"}, channels, "", &block);
+}
+
+fabric::ChannelConfig mychannel(std::vector<crypto::MspRoot> organisations) {
+  fabric::ChannelConfig block;
+  block.channel = "mychannel";
+  block.organisations = std::move(organisations);
+  return block;
+}
+
+TEST(InitProfile, ReadsChannelAndOrganisationsFromAConfigBlock) {
+  const fabric::ChannelConfig block = mychannel({{"Org2MSP", "B"}, {"Org1MSP", "A"}});
+  auto planned = of_test_network(block);
+  ASSERT_TRUE(planned) << planned.error().message;
+  planned->plan.drones = planned->plan.all_drones = {{"tello1", "10.0.0.9", 1}};
+  const std::string agent = text_of(*files_of(Role::drone_host, planned->plan), "agent.toml");
+  expect_readable("agent", agent);
+  EXPECT_THAT(without_comments(agent), HasSubstr("\nchannel = \"mychannel\"\n"));
+  EXPECT_THAT(without_comments(agent), HasSubstr("\nconfig_block = \"/net/mychannel.block\"\n"));
+  EXPECT_THAT(without_comments(agent),
+              HasSubstr("[[msp]]\nca = \"/etc/ledgerline/authorities/Org1MSP.pem\"\nid = \"Org1MSP\"\n"
+                        "[[msp]]\nca = \"/etc/ledgerline/authorities/Org2MSP.pem\"\nid = \"Org2MSP\"\n"));
+  ASSERT_EQ(planned->files.size(), 3u);
+  EXPECT_EQ(planned->files[2].path, "/etc/ledgerline/authorities/Org1MSP.pem");
+  EXPECT_EQ(planned->files[2].content, "A");
+  EXPECT_EQ(of_test_network(block, {"mychannel", "yard=tello2"})->plan.channel, "mychannel");
+}
+
+TEST(InitProfile, RefusesAConfigBlockOfAnotherChannelAndOneWithoutTheOrganisation) {
+  const fabric::ChannelConfig block = mychannel({{"Org2MSP", "B"}, {"Org3MSP", "C"}});
+  EXPECT_EQ(of_test_network(block, {"teleop"}).error().message,
+            "--channel teleop: the config block is of channel mychannel");
+  EXPECT_EQ(of_test_network(block).error().message,
+            "Org1MSP is not on channel mychannel: its config block has Org2MSP, Org3MSP");
+}
+
 /// The authority of a profile's one peer: its path, and its content if it became a file.
 std::string authority(const std::string& url, const std::string& tls_ca_certs) {
   const auto planned =

@@ -41,6 +41,8 @@ TEST(ARequest, IsOneThatTheStationTakes) {
   EXPECT_EQ(answered(sign_in("alice", "open \"sesame\"")).sign_in->pass_phrase->view(), "open \"sesame\"");
 }
 
+constexpr const char* one_waypoint = "drone,x,y,z,speed\ntello1,1,2,,\n";
+
 TEST(ARequest, IsOneOfMissions) {
   using Kind = ground::service::MissionRequest::Kind;
   const std::string id = "3f5a9c01d2e4";
@@ -54,9 +56,9 @@ TEST(ARequest, IsOneOfMissions) {
     ASSERT_TRUE(answer.mission) << verb << ": " << answer.body;
     EXPECT_TRUE(answer.mission->kind == kind && answer.mission->id == id) << verb;
   }
-  const auto added = answered(*mission_to_add("two.csv", "drone,x,y\n", ""));
+  const auto added = answered(*mission_to_add("two.csv", one_waypoint, ""));
   ASSERT_TRUE(added.mission);
-  EXPECT_TRUE(added.mission->csv && added.mission->name == "two" && added.mission->text == "drone,x,y\n");
+  EXPECT_TRUE(added.mission->csv && added.mission->name == "two" && added.mission->text == one_waypoint);
   EXPECT_FALSE(answered(*mission_to_add("two.json", "{}", "")).mission->csv);
 }
 
@@ -82,16 +84,21 @@ TEST(APath, ThatIsWrongIsRefusedByFileAndLine) {
   EXPECT_THAT(path_body("1,2\nnorth,2\n", "way.csv", false).error().message, HasSubstr("way.csv:2: "));
   EXPECT_THAT(path_body("# nothing\n", "way.csv", false).error().message, HasSubstr("no point"));
   std::string many;
-  for (int i = 0; i < 501; ++i) many += "1,2\n";
+  for (int i = 0; i < 501; ++i) many += std::to_string(i % 2) + ",2\n";
   EXPECT_THAT(path_body(many, "way.csv", false).error().message, HasSubstr("more than 500"));
 }
 
+TEST(AMissionToAdd, ThatIsWrongIsRefusedByFileAndLine) {
+  EXPECT_THAT(mission_to_add("some/two.csv", std::string(one_waypoint) + "tello1,1,south,,\n", "").error().message,
+              testing::StartsWith("some/two.csv:3: y \"south\" is no number"));
+}
+
 TEST(AMissionToAdd, IsJsonOrCsvByItsName) {
-  const auto csv = mission_to_add("some/two.csv", "drone,x,y\n", "");
+  const auto csv = mission_to_add("some/two.csv", one_waypoint, "");
   ASSERT_TRUE(csv);
   EXPECT_EQ(csv->target, "missions?name=two");
   EXPECT_EQ(csv->content_type, "text/csv");
-  EXPECT_EQ(mission_to_add("two.csv", "", "survey-2")->target, "missions?name=survey-2");
+  EXPECT_EQ(mission_to_add("two.csv", one_waypoint, "survey-2")->target, "missions?name=survey-2");
   EXPECT_EQ(mission_to_add("two.json", "{}", "")->content_type, "application/json");
   EXPECT_THAT(mission_to_add("two.json", "{}", "other").error().message, HasSubstr("--name is for CSV"));
   EXPECT_THAT(mission_to_add("two.txt", "", "").error().message, HasSubstr("neither"));
