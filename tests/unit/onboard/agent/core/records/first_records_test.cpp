@@ -12,8 +12,8 @@ namespace {
 using ::testing::HasSubstr;
 using testing::LedgerOfTests;
 
-constexpr TimeNs t0 = 100 * ns_per_s;
-constexpr std::int64_t t0_s = 1'700'000'000;
+constexpr TimeNs at_ns = 100 * ns_per_s;
+constexpr std::int64_t at_s = 1'700'000'000;
 
 FirstRecords some_records() {
   FirstRecords records;
@@ -63,7 +63,7 @@ TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
     enroll.event_name = "enroll";
     enroll.event_payload = reported.SerializeAsString();
     enroll.asked = fabric::Call{"enroll", {call.SerializeAsString()}};
-    check.check(t0, t0_s, ledger.block({enroll}));
+    check.check(at_ns, at_s, ledger.block({enroll}));
   }
   EXPECT_EQ(check.control().refused_events(), 0U);
   EXPECT_EQ(to_bytes(check.control().records()).size(), before);
@@ -91,7 +91,7 @@ TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
   stop.event_name = "stop";
   stop.event_payload = stops.SerializeAsString();
   const fabric::Block block = ledger.block({stop});
-  ASSERT_EQ(check.check(t0, t0_s, block).plans.size(), 1U);
+  ASSERT_EQ(check.check(at_ns, at_s, block).plans.size(), 1U);
   const auto kept = records_from(to_bytes(check.control().records()), {"tello1"});
   ASSERT_TRUE(kept);
   EXPECT_TRUE(is_stopped(kept->controls[0]));
@@ -103,7 +103,7 @@ TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
   CommandCheck next(CheckConfig{}, drones, *registry);
   next.control().set_roles(kept->roles);
   next.control().set_control(kept->controls[0]);
-  EXPECT_TRUE(next.standing_stop(t0, 1));
+  EXPECT_TRUE(next.standing_stop(at_ns, 1));
 }
 
 }  // namespace
