@@ -111,8 +111,6 @@ bool is_unit(const std::array<double, 4>& q) { return std::abs(squared_norm(q) -
 
 }  // namespace
 
-double MocapIntake::norm(const MocapMessage& message) { return std::sqrt(squared_norm(message.orientation)); }
-
 Status MocapIntake::check_numbers(const std::array<double, 3>& position_m, const std::array<double, 4>& orientation) {
   if (!is_finite(position_m)) return Error{"its position is not a number"};
   if (!is_unit(orientation))
@@ -120,10 +118,15 @@ Status MocapIntake::check_numbers(const std::array<double, 3>& position_m, const
   return done;
 }
 
-std::optional<MocapPose> MocapIntake::check(const MocapMessage& message) {
+Result<MocapPose> MocapIntake::check(const MocapMessage& message) {
+  if (const Status numbers = check_numbers(message.position_m, message.orientation); !numbers) return numbers.error();
   const auto stamp_ns = stamps_of_this_host_ ? clock_.stamp(message.source_real_ns, message.arrived_ns)
                                              : std::optional(message.arrived_ns);
-  if (!stamp_ns || !is_unit(message.orientation)) return std::nullopt;
+  if (!stamp_ns)
+    return Error{
+        fmt::format("its stamp is {:.0f} ms before its arrival: if its computer's clock differs from this one's, set "
+                    "clock = \"arrival\" in [mocap]",
+                    to_ms(message.arrived_ns - (message.source_real_ns - clock_.offset_ns())))};
   return MocapPose{*stamp_ns, message.position_m, yaw_from_quaternion(message.orientation)};
 }
 

@@ -103,24 +103,20 @@ struct MocapMessage {
   std::array<double, 4> orientation{};  ///< x, y, z, w
 };
 
-/// Whether a mocap pose is accepted at all, before it is fused: its orientation is a unit quaternion, to 5 % of the
-/// squared norm (a message of zeros is none), and its stamp is one that MocapClock accepts. Whether it fits the ones
-/// before it, or repeats them, is Fusion's to say. One thread.
+/// Whether a mocap pose is accepted at all, before it is fused: its position is finite, its orientation a unit
+/// quaternion, to 5 % of the squared norm (a message of zeros is none), and its stamp is one that MocapClock accepts.
+/// Whether it fits the ones before it, or repeats them, is Fusion's to say. One thread.
 class MocapIntake {
  public:
   /// `stamps_of_this_host`: false where the mocap computer's clock is not held to this one's: arrival counts.
   MocapIntake(MocapClock::ReadOffset read, bool stamps_of_this_host = true)
       : clock_(std::move(read)), stamps_of_this_host_(stamps_of_this_host) {}
 
-  /// The pose on this host's clock; nothing where it is not accepted.
-  std::optional<MocapPose> check(const MocapMessage& message);
-
-  /// Whether agent makes anything of these numbers: a unit quaternion, as check() has it, and a position that is
-  /// finite, as Fusion has it. For a preflight; the error says what is wrong.
+  /// The pose on this host's clock; the error says what is wrong with it.
+  Result<MocapPose> check(const MocapMessage& message);
+  /// Of the numbers alone.
   static Status check_numbers(const std::array<double, 3>& position_m, const std::array<double, 4>& orientation);
 
-  /// Of the orientation; 1 for one that is accepted.
-  static double norm(const MocapMessage& message);
   MocapClock& clock() { return clock_; }
 
  private:

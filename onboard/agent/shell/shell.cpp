@@ -182,19 +182,11 @@ void MocapInput::receive(const std::function<void(DroneNumber, const MocapPose&)
       if (const auto pose = intake_.check(message)) {
         on_pose(input.drone, *pose);
       } else {
-        report_implausible(input.drone, message);
+        if (++implausible_ == 1)
+          spdlog::warn("{}a mocap pose of drone {} is refused: {}", label_, input.drone, pose.error().message);
       }
     }
   }
-}
-
-void MocapInput::report_implausible(DroneNumber drone, const MocapMessage& message) {
-  if (++implausible_ > 1) return;
-  const TimeNs stamp_ns = message.source_real_ns - clock().offset_ns();
-  spdlog::warn(
-      "{}a mocap pose of drone {} is not trusted (stamp {:.0f} ms before its arrival, quaternion's norm {:.3f}); "
-      "if its computer's clock differs from this one's, set clock = \"arrival\" in [mocap]",
-      label_, drone, to_ms(message.arrived_ns - stamp_ns), MocapIntake::norm(message));
 }
 
 void MocapInput::count(ShellCounters& counters) const {

@@ -38,7 +38,6 @@ class MocapInput {
     std::unique_ptr<SpscRing<MocapMessage, 64>> ring;
     std::optional<dds::RawReader> reader;
   };
-  void report_implausible(DroneNumber drone, const MocapMessage& message);
 
   const Settings& settings_;
   const std::string label_;

@@ -35,7 +35,7 @@ Finding assess_mocap(const FlightInputs& inputs, const DroneInputs& drone) {
   const std::string from =
       inputs.pose_topic.empty() ? inputs.pose_source : pose_topic_of(inputs.pose_topic, drone.name);
   const double limit_ms = to_ms(inputs.link.failsafe.pose_lost_ns);
-  if (!drone.pose) return flag(Problem::pose_silent, check, "none has come from " + from);
+  if (!drone.pose) return flag(Problem::pose_silent, check, "none that agent takes has come from " + from);
   const PoseInputs& pose = *drone.pose;
   std::string what = fmt::format("{}, {:.0f} ms old: {:.2f}, {:.2f}, {:.2f} m", from, pose.age_ms, pose.position_m[0],
                                  pose.position_m[1], pose.position_m[2]);

@@ -139,7 +139,7 @@ TEST(PreflightCheck, PosesThatAreMissingOldOrRare) {
   inputs.drones[0].pose->rate_hz = 20;
   expect(inputs, "pose", Severity::warning, "20 a second", "publish more often");
   inputs.drones[0].pose.reset();
-  expect(inputs, "pose", Severity::broken, "none has come from /poses/d1", "start motion capture");
+  expect(inputs, "pose", Severity::broken, "none that agent takes has come from /poses/d1", "start motion capture");
 }
 
 TEST(PreflightCheck, ADroneThatFliesByOdometryNeedsToReportAVelocity) {
