@@ -176,12 +176,11 @@ Status approve(const Options& options, Lifecycle& lifecycle) {
   return done;
 }
 
-std::string approvers(const std::map<std::string, bool>& approvals, bool approved) {
-  std::vector<std::string> names;
-  for (const auto& [msp_id, has] : approvals) {
-    if (has == approved) names.push_back(msp_id);
-  }
-  return names.empty() ? "nobody" : fmt::format("{}", fmt::join(names, ", "));
+std::string approved_by(const std::map<std::string, bool>& approvals) {
+  std::vector<std::string> approved, others;
+  for (const auto& [msp_id, has] : approvals) (has ? approved : others).push_back(msp_id);
+  const std::string by = approved.empty() ? "nobody" : fmt::format("{}", fmt::join(approved, ", "));
+  return "approved by " + by + (others.empty() ? "" : fmt::format("; not by {}", fmt::join(others, ", ")));
 }
 
 Status commit(const Options& options, Lifecycle& lifecycle) {
@@ -195,8 +194,7 @@ Status commit(const Options& options, Lifecycle& lifecycle) {
   if (Status s = lifecycle.commit(definition); !s) {
     const auto approvals = lifecycle.approvals(definition);
     if (!approvals) return s;
-    return Error{fmt::format("{}\n{} is approved by {}; not by {}", s.error().message, described(definition),
-                             approvers(*approvals, true), approvers(*approvals, false))};
+    return Error{fmt::format("{}\n{} is {}", s.error().message, described(definition), approved_by(*approvals))};
   }
   fmt::print("committed {}\n", described(definition));
   return done;
@@ -255,8 +253,7 @@ Status status(const Options& options, Lifecycle& lifecycle) {
   if (!installed) fmt::print("installed   not known: {}\n", installed.error().message);
   if (*committed) {
     const auto& it = out["committed"];
-    fmt::print("committed   {}, approved by {}; not by {}\n", described((*committed)->definition),
-               approvers((*committed)->approvals, true), approvers((*committed)->approvals, false));
+    fmt::print("committed   {}, {}\n", described((*committed)->definition), approved_by((*committed)->approvals));
     if ((*committed)->definition.version != options.version)
       fmt::print("            this program's contract is version {}: approve and commit it\n", options.version);
     fmt::print("endorsement {}\n", it["policy"].get<std::string>());
@@ -267,8 +264,7 @@ Status status(const Options& options, Lifecycle& lifecycle) {
   }
   if (out.contains("next")) {
     const std::map<std::string, bool> approvals = out["next"]["approvals"];
-    fmt::print("next        {}, approved by {}; not by {}\n", described(definition), approvers(approvals, true),
-               approvers(approvals, false));
+    fmt::print("next        {}, {}\n", described(definition), approved_by(approvals));
   }
   if (channel->batching)
     fmt::print("blocks      {:g} s behind their first transaction, or at {} transactions\n",

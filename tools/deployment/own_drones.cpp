@@ -188,14 +188,17 @@ namespace {
 
 /// What a flight has measured counts as if it stood in this file.
 void add_calibration(Config& config) {
-  const Key key{"calibration",
-                "file of `ledgerline tello calibrate`; its [rc], [pose] and [flight] count as if they stood here"};
+  const Key key{
+      "calibration",
+      "file of `ledgerline tello calibrate`; its [rc], [pose] and [flight] count as if they stood here ([pose] for "
+      "onboard odometry alone)"};
   const std::string path = config.text(key, "");
   if (path.empty()) return;
   auto measured = Config::load(path);
   if (!measured) return config.wrong(key.name, measured.error().message);
   config.add_table(*measured, "rc");
-  config.add_table(*measured, "pose");
+  const std::string source = config.text("pose.source", "");
+  if (source.find("tello") != std::string::npos || source == "pads") config.add_table(*measured, "pose");
   config.add_table(*measured, "flight", {"full_scale_mps"});  // link's says it
   for (const char* table : {"rc", "pose", "flight"}) measured->skip_table(table);
   if (auto status = measured->finish(); !status) config.wrong(key.name, status.error().message);

@@ -29,7 +29,7 @@ Histogram setpoints_at_once(std::span<const SampleTrace> traces) {
   std::vector<SampleTrace> due;
   std::copy_if(traces.begin(), traces.end(), std::back_inserter(due),
                [](const SampleTrace& w) { return w.due_at_once(); });
-  return between(due, totals.back());
+  return between(due, *std::ranges::find(totals, "setpoint", &Stage::name));
 }
 
 LoopMetrics loop_metrics(std::span<const TraceRecord> records) {
@@ -96,7 +96,7 @@ Metrics make_metrics(std::span<const SampleTrace> traces, std::span<const TraceR
   if (!traces.empty()) metrics.seconds = to_seconds(traces.back().at(Mark::sampled) - traces.front().at(Mark::sampled));
   for (const Stage& stage : stages) metrics.distributions.push_back({stage.name, stage.what, between(traces, stage)});
   for (const Stage& stage : totals) metrics.distributions.push_back({stage.name, stage.what, between(traces, stage)});
-  metrics.distributions.push_back({at_once, "the same, of those not held back on purpose", setpoints_at_once(traces)});
+  metrics.distributions.push_back({at_once, "`setpoint`, of those not held back on purpose", setpoints_at_once(traces)});
   metrics.loop = loop_metrics(loop_turns);
   metrics.distributions.push_back({late, "how late link's turns began", metrics.loop.late});
   return metrics;

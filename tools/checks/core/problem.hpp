@@ -196,8 +196,9 @@ namespace ledgerline::checks {
   X(drone_hot, warning, "on the ground nothing cools the drone: it may switch itself off",                            \
     "take off soon, or switch it off and let it cool")                                                                \
   X(pose_silent, broken, "no pose of motion capture comes for a drone that flies by it",                              \
-    "start motion capture; [mocap] topic and type of agent.toml must be as `ros2 topic list -t` shows, and [dds] "    \
-    "interfaces must reach it; agent.log says which it refuses; or fly by onboard odometry: [pose] source of "        \
+    "start motion capture; its topic ([mocap] of agent.toml, [pose] of a deployment) and type must be as "            \
+    "`ros2 topic list -t` shows, and [dds] interfaces must reach it; agent.log says which it refuses; or fly by "     \
+    "onboard odometry: [pose] source of "                                                                             \
     "link.toml")                                                                                                      \
   X(pose_refused, broken, "agent takes no pose with these numbers",                                                   \
     "let motion capture be silent while it does not see the drone, and use three markers or more: one has no "        \

@@ -54,7 +54,8 @@ std::string position_of(const json& drone) {
 }
 
 std::string number_or_none(const json& value, std::string_view unit, int digits) {
-  return value.is_null() ? "-" : fmt::format("{:.{}f}{}", value.get<double>(), digits, unit);
+  // Not -0, which a clock that is read twice gives.
+  return value.is_null() ? "-" : fmt::format("{:.{}f}{}", std::max(0.0, value.get<double>()), digits, unit);
 }
 
 std::vector<std::string> drone_row(const json& drone) {
@@ -196,7 +197,7 @@ Result<std::string> mission_text(std::string_view body) {
     text += fmt::format("  digest {}\n  drones {}\n", text_at(mission, "hash"), joined(mission.at("drones")));
     text += fmt::format("  approved by {} of {}{}\n", mission.at("approvals").size(),
                         mission.at("approvals_needed").get<int>(), approvals.empty() ? "" : ": " + approvals);
-    if (!by.empty()) text += fmt::format("  started by {}\n", by);
+    if (!by.empty()) text += fmt::format("  of {}\n", by);
     for (const auto& [drone, count] : mission.at("reached").items())
       text += fmt::format("  {} has reached {} waypoints\n", printable(drone), count.get<std::size_t>());
     for (const json& finding : mission.at("findings")) text += finding_line(finding);

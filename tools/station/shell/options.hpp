@@ -93,6 +93,13 @@ Status call_and_wait(Station& station, const std::string& drone, const std::stri
 /// errors.
 Status wait_until(Station& station, const std::string& target, const std::string& what, TimeNs limit_ns,
                   const std::function<Result<bool>(std::string_view body)>& is_there);
+/// The number of the station's newest event.
+Result<std::uint64_t> newest_event(Station& station);
+/// As wait_until() of the drones' table; an error too is an event behind `number` about one of `names` (empty: any)
+/// that has `refusal` in it: its text.
+Status wait_or_hear(Station& station, const std::vector<std::string>& names, const std::string& refusal,
+                    std::uint64_t number, const std::string& what, TimeNs limit_ns,
+                    const std::function<Result<bool>(std::string_view drones)>& is_there);
 /// Approves a mission, and waits until the station counts it, so that a start may follow; or until it is refused.
 Status approve_and_wait(Station& station, const std::string& id);
 

@@ -42,12 +42,6 @@ Result<std::vector<ShownEvent>> events_behind(Station& station, std::uint64_t nu
   return events_from(*body);
 }
 
-Result<std::uint64_t> newest_event(Station& station) {
-  const auto events = events_behind(station, 0);
-  if (!events) return events.error();
-  return events->empty() ? 0 : events->back().number;
-}
-
 Result<Approvals> approvals_of(Station& station, const std::string& id) {
   const auto body = station.request({.target = "missions/" + id});
   if (!body) return body.error();
@@ -86,19 +80,9 @@ Status call_and_wait(Station& station, const std::string& drone, const std::stri
   if (verb == "clear_stop" && nobody_signs_in(*operators)) {
     const auto newest = newest_event(station);
     if (!newest) return newest.error();
-    std::uint64_t number = *newest;
     if (const auto taken = station.request(drone_request(drone, verb, body)); !taken) return taken.error();
-    return wait_until(station, "drones", drone + ": clear_stop", outcome_limit_ns,
-                      [&](std::string_view answer) -> Result<bool> {
-                        const auto events = events_behind(station, number);
-                        if (!events) return events.error();
-                        for (const ShownEvent& event : *events) {
-                          number = event.number;
-                          if (event.drone == drone && event.text.find("its stop is not cleared") != std::string::npos)
-                            return Error{fmt::format("{}: {}", drone, event.text)};
-                        }
-                        return is_cleared(answer, drone);
-                      });
+    return wait_or_hear(station, {drone}, "its stop is not cleared", *newest, drone + ": clear_stop", outcome_limit_ns,
+                        [&](std::string_view answer) { return is_cleared(answer, drone); });
   }
   const auto newest = newest_event(station);
   if (!newest) return newest.error();
@@ -131,6 +115,28 @@ Status wait_until(Station& station, const std::string& target, const std::string
   }
   if (stop_requested) return Error{what + ": no longer waited for"};
   return Error{fmt::format("{}: not after {:.0f} s; `ledgerline alarms` may say why", what, to_seconds(limit_ns))};
+}
+
+Result<std::uint64_t> newest_event(Station& station) {
+  const auto events = events_behind(station, 0);
+  if (!events) return events.error();
+  return events->empty() ? 0 : events->back().number;
+}
+
+Status wait_or_hear(Station& station, const std::vector<std::string>& names, const std::string& refusal,
+                    std::uint64_t number, const std::string& what, TimeNs limit_ns,
+                    const std::function<Result<bool>(std::string_view drones)>& is_there) {
+  return wait_until(station, "drones", what, limit_ns, [&](std::string_view drones) -> Result<bool> {
+    const auto events = events_behind(station, number);
+    if (!events) return events.error();
+    for (const ShownEvent& event : *events) {
+      number = event.number;
+      const bool is_asked = names.empty() || std::ranges::find(names, event.drone) != names.end();
+      if (is_asked && event.text.find(refusal) != std::string::npos)
+        return Error{fmt::format("{}: {}", event.drone, event.text)};
+    }
+    return is_there(drones);
+  });
 }
 
 Status approve_and_wait(Station& station, const std::string& id) {

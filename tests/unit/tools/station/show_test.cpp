@@ -145,7 +145,7 @@ TEST(AMission, IsShownWithWhatItsCheckFound) {
   const auto text = mission_text(one.dump());
   ASSERT_TRUE(text) << text.error().message;
   for (const char* part : {"survey: aborted: tello2 was stopped", "approved by 1 of 1: Org2MSP CN=bob",
-                           "started by Org2MSP CN=alice", "tello1 has reached 3 waypoints", "warning: no fence",
+                           "of Org2MSP CN=alice", "tello1 has reached 3 waypoints", "warning: no fence",
                            "forbids its start: too near", "tello1 flies 2 waypoints"})
     EXPECT_THAT(*text, HasSubstr(part));
 }

@@ -328,7 +328,7 @@ std::string CalibrationFlight::doing() const {
     case Phase::over:
       break;
   }
-  return "is down";
+  return "is over";
 }
 
 }  // namespace ledgerline::tello

@@ -1,0 +1,38 @@
+"""Pages that programs write, opened in a browser: nothing in them throws, and they show what they are about."""
+import pathlib
+import subprocess
+
+import pytest
+from flights import fly, no_flight_outlives_its_test, printed
+from programs import BIN
+
+
+def ledgerline(*words) -> None:
+    done = subprocess.run([BIN / "ledgerline", *map(str, words)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def shown(page: pathlib.Path) -> str:
+    """The page as its scripts have made it."""
+    done = subprocess.run(["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--virtual-time-budget=3000",
+                           f"--user-data-dir={page.parent}/browser", "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=120)
+    said = [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
+    assert done.returncode == 0 and not said, said
+    return done.stdout
+
+
+@pytest.mark.essential
+def test_the_page_of_fault_runs(tmp_path):
+    ledgerline("fault", "run", "ledger-stall", "--seeds", "1..2", "--html", tmp_path / "fault.html")
+    assert "rules held" in shown(tmp_path / "fault.html")
+
+
+def test_the_pages_of_a_flight(tmp_path):
+    flight = fly(tmp_path, "--laps", "1", "--side", "0.5")
+    assert flight.wait(120) == 0, printed(tmp_path)
+    run = tmp_path / "run"
+    assert "Flown path" in shown(run / "report.html")
+    ledgerline("timing", run, "--html", tmp_path / "timing.html")
+    assert "sent" in shown(tmp_path / "timing.html")
+    ledgerline("audit", "--blocks", run / "ledger" / "ledger" / "blocks", "--anchor", run / "ledger" / "teleop.block", "--html", tmp_path / "audit.html")
+    assert "tello1" in shown(tmp_path / "audit.html")
