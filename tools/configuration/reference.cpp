@@ -363,9 +363,8 @@ std::string page() {
       "then\n`build/release/bin/ledgerline configuration > docs/configuration.md`.\n\n"
       "Files are TOML. A key that is unknown, of the wrong type or out of its range is an error that names file, line "
       "and key, and the program\ndoes not start. Relative paths count from where the program was started. `./fly` "
-      "writes a file for each of its programs into its run's\nfolder. Scripts of faults are in [fault "
-      "runs](faults.md), the tables of experiments in [experiments](measuring.md#experiments-ledgerline-experiment)."
-      "\n\n`value`: the default (in words where it depends on other things), then what is allowed. `required` has no "
+      "writes a file for each of its programs into its run's\nfolder.\n\n`value`: the default (in words where it "
+      "depends on other things), then what is allowed. `required` has no "
       "default; a bare `text` or `list` (of texts)\nis none. Numbers may have fractions, but for `whole` ones.\n";
   for (const Part& part : parts()) text += "\n" + show(part);
   return text;
