@@ -132,7 +132,8 @@ class Card {
   show(drone, ages, connected, selected, now) {
     this.#drone = drone;
     const state = freshness(ages.state, connected);
-    const command = freshness(ages.command, connected);
+    const down = drone.link_phase === 'on_ground' || drone.link_phase === 'landed';
+    const command = down ? { words: 'none, on the ground', level: 'none' } : freshness(ages.command, connected);
     this.fresh = state.level === 'fresh' || state.level === 'late';
     const fields = this.#fields;
     this.element.classList.toggle('selected', selected);

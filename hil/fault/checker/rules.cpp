@@ -129,7 +129,7 @@ void always_trusted(RuleState& state, const Moment& moment, const WorldEvent& ev
 void check_measure(RuleState& state, const Sight& sight, std::size_t drone, double measured, bool breaks,
                    std::string_view unit) {
   if (breaks)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} {}", of(sight, drone).name, measured, unit));
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.3f} {}", of(sight, drone).name, measured, unit));
 }
 
 void height(RuleState& state, const Sight& sight, std::size_t drone) {
