@@ -136,7 +136,7 @@ Result<Settings> read_settings(Config& config) {
     ServerRoute route;
     route.name = name(config, table + "name", servers);
     route.listen = host_and_port(
-        config, {table + "listen", "IPv4:PORT for clients; port 0: a free one, told on standard output"}, 0);
+        config, {table + "listen", "IPv4:PORT for clients; port 0: a free one, printed on standard output"}, 0);
     route.address = host_and_port(config, {table + "address", "IPv4:PORT of the server"}, 1);
     settings.servers.push_back(route);
   }

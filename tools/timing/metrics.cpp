@@ -96,7 +96,8 @@ Metrics make_metrics(std::span<const SampleTrace> traces, std::span<const TraceR
   if (!traces.empty()) metrics.seconds = to_seconds(traces.back().at(Mark::sampled) - traces.front().at(Mark::sampled));
   for (const Stage& stage : stages) metrics.distributions.push_back({stage.name, stage.what, between(traces, stage)});
   for (const Stage& stage : totals) metrics.distributions.push_back({stage.name, stage.what, between(traces, stage)});
-  metrics.distributions.push_back({at_once, "`setpoint`, of those not held back on purpose", setpoints_at_once(traces)});
+  metrics.distributions.push_back(
+      {at_once, "`setpoint`, of those not held back on purpose", setpoints_at_once(traces)});
   metrics.loop = loop_metrics(loop_turns);
   metrics.distributions.push_back({late, "how late link's turns began", metrics.loop.late});
   return metrics;
