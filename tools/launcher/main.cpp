@@ -76,7 +76,7 @@ class MemoryDirectory {
 int fly_and_report(const launcher::Options& options, const launcher::RunFiles& files) {
   fmt::print(stderr, "{} {} {}; everything of this run is in {}\n",
              options.drones == 1 ? "One drone" : fmt::format("{} drones", options.drones),
-             options.manual ? fmt::format("flown by hand, by {}ROS 2 topics (/{}/takeoff, cmd_vel, land)",
+             options.manual              ? fmt::format("flown by hand, by {}ROS 2 topics (/{}/takeoff, cmd_vel, land)",
                                           options.watch ? "the page or " : "", drone_name(options, 1))
              : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
                                          : "along " + options.course_file,

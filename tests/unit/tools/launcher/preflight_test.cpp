@@ -63,7 +63,8 @@ TEST(Preflight, TheReasonWhyADroneIsNotReadyIsReported) {
     preflight.on_status(line);
     return preflight.ready().error().message;
   };
-  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")), HasSubstr("none that agent takes has come from mocap"));
+  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")),
+              HasSubstr("none that agent takes has come from mocap"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "900")), HasSubstr("d1's pose: mocap, 900 ms old"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "battery_low")), HasSubstr("d1's battery: 87 %"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "stopped")), HasSubstr("d1's link: stopped: link refuses a take-off"));

@@ -53,8 +53,7 @@ TEST(ApprovalTerms, AnApprovalEndsBetweenHalfOfItsTimeAndTheWholeOfIt) {
 }
 
 TEST(ApprovalTerms, AWithdrawalEndsWhatWasApprovedBeforeItAndNobodyElses) {
-  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{anna}, {}}, {{anna, bob}, {}}}),
-              ElementsAre(anna, bob));
+  EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{anna}, {}}, {{anna, bob}, {}}}), ElementsAre(anna, bob));
   EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{}, {anna}}, {{anna, bob}, {}}}), ElementsAre(bob));
   EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{anna}, {anna}}, {}}), IsEmpty());
   EXPECT_THAT(standing_approvals(std::vector<PeriodSigners>{{{anna}, {}}, {{anna}, {anna}}}), ElementsAre(anna))
