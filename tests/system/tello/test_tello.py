@@ -136,7 +136,7 @@ def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
     with drones(2):
         other = tello(*words)
         assert other.returncode == 1 and "127.0.0.3 says serial 0TQDG00SIM0002, not 0TQDG00SIM0009" in other.stdout
-        assert "cure: look where each is" in other.stdout, other.stdout
+        assert "cure: `ledgerline tello find` shows where each is" in other.stdout, other.stdout
         file.write_text(file.read_text().replace("SIM0009", "SIM0002"))
         well = tello(*words)
         assert well.returncode == 0 and ", 0 broken" in well.stdout, well.stdout + well.stderr
