@@ -48,10 +48,11 @@ struct Options {
 };
 
 /// The options that stand in place of a file, as one.
-std::string config_text(const Options& options) {
-  std::string text = "[ledger]\n";
+Result<std::string> config_text(const Options& options) {
+  std::string text = "[ledger]\n", problem;
   const auto line = [&](const char* key, const std::string& value) {
-    if (!value.empty()) text += fmt::format("{} = {}\n", key, nlohmann::json(value).dump());
+    if (problem.empty()) problem = utf8_path_problem(value);
+    if (problem.empty() && !value.empty()) text += fmt::format("{} = {}\n", key, nlohmann::json(value).dump());
   };
   line("endpoint", options.endpoint);
   line("tls_ca", options.tls_ca);
@@ -62,6 +63,7 @@ std::string config_text(const Options& options) {
   line("msp_dir", options.msp_dir);
   line("channel", options.channel);
   line("contract", options.name);
+  if (!problem.empty()) return Error{problem};
   return text;
 }
 
@@ -71,7 +73,9 @@ struct Access {
 };
 
 Result<Access> access_of(const Options& options) {
-  auto config = options.config.empty() ? Config::parse(config_text(options), "options") : Config::load(options.config);
+  const auto text = options.config.empty() ? config_text(options) : Result<std::string>("");
+  if (!text) return text.error();
+  auto config = options.config.empty() ? Config::parse(*text, "options") : Config::load(options.config);
   if (!config) return config.error();
   auto client = fabric::ledger_config(*config);
   const std::string msp_dir = config->text("ledger.msp_dir", "");
