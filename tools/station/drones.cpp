@@ -142,13 +142,17 @@ Status act(Station& station, const Target& target, const VerbOptions& verb_optio
 }
 
 Status act_and_wait(Station& station, const Target& target, const VerbOptions& verb_options, const std::string& verb) {
-  if (!verb_options.wait) return act(station, target, verb_options, verb);
-  const auto newest = newest_event(station);
-  if (!newest) return newest.error();
-  if (const Status acted = act(station, target, verb_options, verb); !acted) return acted;
-  return wait_or_hear(station, verb_options.names, "no " + (verb == "takeoff" ? "take-off" : verb) + ": ", *newest,
-                      verb, wait_limit_ns,
-                      [&](std::string_view body) { return all_arrived(body, verb_options.names, verb); });
+  const auto is_there = [&](std::string_view body) { return all_arrived(body, verb_options.names, verb); };
+  if (verb_options.wait && verb == "takeoff") {
+    const auto newest = newest_event(station);
+    if (!newest) return newest.error();
+    if (const Status acted = act(station, target, verb_options, verb); !acted) return acted;
+    return wait_or_hear(station, verb_options.names, "no take-off: ", *newest, verb, wait_limit_ns, is_there);
+  }
+  // Nothing is asked before what brings a drone down.
+  const Status acted = act(station, target, verb_options, verb);
+  if (!acted || !verb_options.wait) return acted;
+  return wait_until(station, "drones", verb, wait_limit_ns, is_there);
 }
 
 /// Empty: what was asked for makes sense.
