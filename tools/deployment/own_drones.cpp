@@ -197,8 +197,8 @@ void add_calibration(Config& config) {
   auto measured = Config::load(path);
   if (!measured) return config.wrong(key.name, measured.error().message);
   config.add_table(*measured, "rc");
-  const std::string source = config.text("pose.source", "");
-  if (source.find("tello") != std::string::npos || source == "pads") config.add_table(*measured, "pose");
+  const auto source = from_name<link::PoseSource>(config.text("pose.source", ""));
+  if (source && link::uses_odometry(*source)) config.add_table(*measured, "pose");
   config.add_table(*measured, "flight", {"full_scale_mps"});  // link's says it
   for (const char* table : {"rc", "pose", "flight"}) measured->skip_table(table);
   if (auto status = measured->finish(); !status) config.wrong(key.name, status.error().message);
