@@ -48,7 +48,7 @@ struct Options {
 };
 
 /// The options that stand in place of a file, as one.
-Result<std::string> config_text(const Options& options) {
+Result<Config> config_of(const Options& options) {
   std::string text = "[ledger]\n", problem;
   const auto line = [&](const char* key, const std::string& value) {
     if (problem.empty()) problem = utf8_path_problem(value);
@@ -64,7 +64,7 @@ Result<std::string> config_text(const Options& options) {
   line("channel", options.channel);
   line("contract", options.name);
   if (!problem.empty()) return Error{problem};
-  return text;
+  return Config::parse(text, "options");
 }
 
 struct Access {
@@ -73,9 +73,7 @@ struct Access {
 };
 
 Result<Access> access_of(const Options& options) {
-  const auto text = options.config.empty() ? config_text(options) : Result<std::string>("");
-  if (!text) return text.error();
-  auto config = options.config.empty() ? Config::parse(*text, "options") : Config::load(options.config);
+  auto config = options.config.empty() ? config_of(options) : Config::load(options.config);
   if (!config) return config.error();
   auto client = fabric::ledger_config(*config);
   const std::string msp_dir = config->text("ledger.msp_dir", "");
