@@ -13,6 +13,15 @@
 
 namespace ledgerline::web {
 
+/// Beast's handlers are moved and never copied, which std::function does not take.
+template <typename Handler>
+auto copyable(Handler&& handler) {
+  return [held = std::make_shared<std::decay_t<Handler>>(std::forward<Handler>(handler))](auto... results) {
+    auto called = std::move(*held);
+    called(results...);
+  };
+}
+
 /// A connection of TCP, with or without TLS on it, as one type for Beast. Buffers and handlers are of one type, too, so
 /// that Asio's operations are compiled here alone and not once for each of Beast's. Beside the stream's own functions
 /// there is tcp(), which has the time-outs. Handlers run on the io_context's thread, and it has one. Movable.
@@ -41,11 +50,11 @@ class Wire {
 
   template <typename Buffers, typename Handler>
   void async_read_some(const Buffers& buffers, Handler&& handler) {
-    read_some(First<boost::asio::mutable_buffer>(buffers), as_one_type(std::forward<Handler>(handler)));
+    read_some(First<boost::asio::mutable_buffer>(buffers), copyable(std::forward<Handler>(handler)));
   }
   template <typename Buffers, typename Handler>
   void async_write_some(const Buffers& buffers, Handler&& handler) {
-    write_some(First<boost::asio::const_buffer>(buffers), as_one_type(std::forward<Handler>(handler)));
+    write_some(First<boost::asio::const_buffer>(buffers), copyable(std::forward<Handler>(handler)));
   }
 
  private:
@@ -74,16 +83,6 @@ class Wire {
     std::size_t count_ = 0;
   };
 
-  // Beast's handlers are moved and never copied, which std::function does not take.
-  template <typename Handler>
-  static Transferred as_one_type(Handler&& handler) {
-    auto held = std::make_shared<std::decay_t<Handler>>(std::forward<Handler>(handler));
-    return [held = std::move(held)](boost::beast::error_code error, std::size_t bytes) {
-      auto called = std::move(*held);
-      called(error, bytes);
-    };
-  }
-
   void read_some(const First<boost::asio::mutable_buffer>& buffers, Transferred transferred);
   void write_some(const First<boost::asio::const_buffer>& buffers, Transferred transferred);
 
@@ -95,11 +94,7 @@ class Wire {
 void end_wire(boost::beast::role_type role, Wire& wire, Wire::Ended ended);
 template <typename Handler>
 void async_teardown(boost::beast::role_type role, Wire& wire, Handler&& handler) {
-  auto held = std::make_shared<std::decay_t<Handler>>(std::forward<Handler>(handler));
-  end_wire(role, wire, [held = std::move(held)](boost::beast::error_code error) {
-    auto called = std::move(*held);
-    called(error);
-  });
+  end_wire(role, wire, copyable(std::forward<Handler>(handler)));
 }
 
 }  // namespace ledgerline::web
