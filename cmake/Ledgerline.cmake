@@ -2,7 +2,8 @@
 
 add_library(ledgerline_options INTERFACE)
 target_compile_options(ledgerline_options INTERFACE
-  -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Werror)
+  -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Werror
+  $<$<BOOL:${CMAKE_UNITY_BUILD}>:-Wno-subobject-linkage>)  # of headers, for which it takes the sources of a unit
 
 # For scripts/check-links: which files a target compiles and what it links, a line each in build/PRESET/targets.txt.
 function(ll_note_target name)
@@ -44,6 +45,8 @@ add_custom_target(programs)
 add_custom_target(part_tests)
 add_custom_target(unit_tests)
 add_dependencies(unit_tests part_tests)
+# What ./run-tests builds: without the hostile bytes of tests/fuzz, which it leaves out.
+add_custom_target(quick_tests)
 add_custom_target(onboard_tests)
 add_custom_target(threads_tests)
 
@@ -57,9 +60,10 @@ function(ll_program name)
   add_dependencies(programs ${name})
 endfunction()
 
-# ll_verbs(NAME VERBS verb ... SOURCES ... DEPS ...): a program in libexec/ledgerline that has these verbs of `ledgerline`.
+# ll_verbs(NAME [APART] VERBS verb ... SOURCES ... DEPS ...): a program in libexec/ledgerline that has these verbs of `ledgerline`.
+# APART: the verbs' files have names of their own, and are no unity.
 function(ll_verbs name)
-  cmake_parse_arguments(ARG "" "" "VERBS;SOURCES;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "APART" "" "VERBS;SOURCES;DEPS" ${ARGN})
   set(ROWS)
   foreach(verb ${ARG_VERBS})
     string(REPLACE - _ function ${verb})
@@ -70,17 +74,25 @@ function(ll_verbs name)
   configure_file(${CMAKE_SOURCE_DIR}/tools/command/group.cpp.in ${main} @ONLY)
   ll_program(${name} SOURCES ${main} ${ARG_SOURCES} DEPS ${ARG_DEPS})
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
-  # Not as one unity: each verb's file has names of its own.
-  set_target_properties(${name} PROPERTIES UNITY_BUILD OFF RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/libexec/ledgerline)
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/libexec/ledgerline)
+  if(ARG_APART)
+    set_target_properties(${name} PROPERTIES UNITY_BUILD OFF)
+  endif()
   add_dependencies(${name} ledgerline)
 endfunction()
 
 # ll_label_test(NAME LABEL...): the labels of a unit test, and which builds it is in.
 function(ll_label_test name)
   add_dependencies(unit_tests ${name})
+  if(NOT "fuzz" IN_LIST ARGN)
+    add_dependencies(quick_tests ${name})
+  endif()
   if(NOT "long_sanitized" IN_LIST ARGN)
     add_dependencies(part_tests ${name})
     if(NOT "release" IN_LIST ARGN)
+      if(NOT CMAKE_CROSSCOMPILING AND NOT "threads" IN_LIST ARGN)
+        target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O0>)  # a third quicker to compile; the libraries are optimised
+      endif()
       list(APPEND ARGN sanitized)
       set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
     endif()

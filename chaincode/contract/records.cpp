@@ -18,9 +18,9 @@ Status write_record(Stub& stub, const std::string& key, const google::protobuf::
 }
 
 Status make_record(Stub& stub, const std::string& key, const google::protobuf::Message& message,
-                   const std::string& keeper) {
+                   const std::string& endorsing_msp) {
   if (Status status = write_record(stub, key, message, contract::record_version); !status) return status;
-  return stub.put_policy(key, keeper);
+  return stub.put_policy(key, endorsing_msp);
 }
 
 void insert(Names& names, const std::string& name) {

@@ -11,9 +11,9 @@
 /// drone's control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is kept as an asset, so that
 /// `get` serves it.
 ///
-/// A record has a keeper: the organisation whose peer alone endorses its changes, by the key's own policy. The policy
-/// is set once, by the call that makes the record, and with it Stored.version. A record of an older version gets both
-/// when a control call next touches it.
+/// A record has an endorsing MSP: the organisation whose peer alone endorses its changes, by the key's own policy. The
+/// policy is set once, by the call that makes the record, and with it Stored.version. A record of an older version gets
+/// both when a control call next touches it.
 namespace ledgerline::chaincode {
 
 /// The record that is stored under a key.
@@ -57,24 +57,24 @@ Result<std::optional<Message>> read_record(Stub& stub, const std::string& key) {
 /// As it is: no policy is set. `version`: the one that it has.
 Status write_record(Stub& stub, const std::string& key, const google::protobuf::Message& message,
                     std::uint32_t version = 0);
-/// Makes a record, or renews one of an older version: with the policy of `keeper`.
+/// Makes a record, or renews one of an older version: with a policy of `endorsing_msp` alone.
 Status make_record(Stub& stub, const std::string& key, const google::protobuf::Message& message,
-                   const std::string& keeper);
+                   const std::string& endorsing_msp);
 
 /// Records of one kind that one call reads and changes: each is read once and, when it was changed, written once (a
-/// call does not see what it writes). One that is not there is empty. With a keeper, one that is new or of an older
-/// version gets its policy; the hot path names none, and makes none.
+/// call does not see what it writes). One that is not there is empty. With an endorsing MSP, one that is new or of an
+/// older version gets its policy; the hot path names none, and makes none.
 template <typename Message>
 class Records {
  public:
   explicit Records(Stub& stub) : stub_(stub) {}
 
-  Result<Message*> at(const std::string& key, const std::string& keeper = {}) {
+  Result<Message*> at(const std::string& key, const std::string& endorsing_msp = {}) {
     auto known = records_.find(key);
     if (known == records_.end()) {
       auto record = read_versioned<Message>(stub_, key);
       if (!record) return record.error();
-      Entry entry{.there = record->has_value(), .keeper = keeper};
+      Entry entry{.there = record->has_value(), .endorsing_msp = endorsing_msp};
       if (*record) entry.version = (*record)->version;
       if (*record) entry.now = std::move((*record)->message);
       entry.before = entry.now.SerializeAsString();
@@ -90,11 +90,11 @@ class Records {
   }
   Status write() {
     for (const auto& [key, entry] : records_) {
-      const bool old = !entry.keeper.empty() && is_old(key);
+      const bool old = !entry.endorsing_msp.empty() && is_old(key);
       if (entry.now.SerializeAsString() == entry.before && !old) continue;
-      const bool make = !entry.keeper.empty() && (old || !entry.there);
-      Status status =
-          make ? make_record(stub_, key, entry.now, entry.keeper) : write_record(stub_, key, entry.now, entry.version);
+      const bool make = !entry.endorsing_msp.empty() && (old || !entry.there);
+      Status status = make ? make_record(stub_, key, entry.now, entry.endorsing_msp)
+                           : write_record(stub_, key, entry.now, entry.version);
       if (!status) return status;
     }
     return done;
@@ -106,7 +106,7 @@ class Records {
     std::string before{};
     bool there = false;
     std::uint32_t version = 0;
-    std::string keeper;
+    std::string endorsing_msp;
   };
   Stub& stub_;
   std::map<std::string, Entry> records_;

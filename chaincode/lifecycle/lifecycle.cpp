@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "common/base/text.hpp"
+#include "common/msg/contract.hpp"
 #include "common/rt/retry.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
@@ -18,7 +19,8 @@ constexpr const char* lifecycle_contract = "_lifecycle";
 // A peer builds what it installs.
 constexpr std::chrono::milliseconds limit{60'000};
 // Of a transaction: a block may be cut seconds later. Orderers without a leader yet take none, and the gateway says so
-// too late for the call; so it is asked again.
+// too late for the call; so it is asked again. Peers try for 10 s to connect to a chaincode's service
+// (connection_json).
 constexpr std::chrono::milliseconds transaction_limit{15'000};
 constexpr std::chrono::seconds timeout{60};
 // With jitter, so that administrators whose transactions met in one block do not meet again.
@@ -48,10 +50,12 @@ bool says(const Error& error, const char* words) { return error.message.find(wor
 }  // namespace
 
 Lifecycle::Lifecycle(fabric::ChannelAndContract where, std::string msp_id,
-                     std::unique_ptr<fabric::PeerQueries> questions, std::unique_ptr<fabric::Client> client)
+                     std::unique_ptr<fabric::PeerQueries> questions, std::unique_ptr<fabric::PeerQueries> calls,
+                     std::unique_ptr<fabric::Client> client)
     : where_(std::move(where)),
       msp_id_(std::move(msp_id)),
       questions_(std::move(questions)),
+      calls_(std::move(calls)),
       client_(std::move(client)) {}
 
 Result<Lifecycle> Lifecycle::connect(fabric::ClientConfig config) {
@@ -63,11 +67,13 @@ Result<Lifecycle> Lifecycle::connect(fabric::ClientConfig config) {
   const std::string msp_id = config.identity.name.msp_id;
   auto questions = fabric::PeerQueries::create(config);
   if (!questions) return questions.error();
-  config.where.contract = lifecycle_contract;
   config.deadline = transaction_limit;
+  auto calls = fabric::PeerQueries::create(config);
+  if (!calls) return calls.error();
+  config.where.contract = lifecycle_contract;
   auto client = fabric::Client::create(std::move(config));
   if (!client) return client.error();
-  return Lifecycle(where, msp_id, std::move(*questions), std::move(*client));
+  return Lifecycle(where, msp_id, std::move(*questions), std::move(*calls), std::move(*client));
 }
 
 Result<std::string> Lifecycle::query(const std::string& channel, const std::string& function,
@@ -143,6 +149,11 @@ Result<std::map<std::string, bool>> Lifecycle::approvals(const Definition& defin
   std::map<std::string, bool> out;
   for (const auto& [msp_id, approved] : answer->approvals()) out[printable(msp_id)] = approved;
   return out;
+}
+
+Status Lifecycle::contract_answers() {
+  const auto answer = calls_->query(where_, {contract::get, {"nothing/*"}});
+  return answer ? Status(done) : answer.error();
 }
 
 Status Lifecycle::approve(const Definition& definition, const std::string& package_id) {
@@ -248,9 +259,13 @@ std::string PeerCommands::of(const Definition& definition) const {
                      quoted(client.where.contract), quoted(definition.version), definition.sequence);
 }
 
-std::string PeerCommands::approve(const Definition& definition, const std::string& package_id) const {
+std::string PeerCommands::approve(const Definition& definition, const std::string& package_id,
+                                  const std::string& package_file) const {
+  const std::string id =
+      package_id.empty() ? fmt::format("\"$(peer lifecycle chaincode calculatepackageid {})\"", quoted(package_file))
+                         : quoted(package_id);
   return fmt::format("peer lifecycle chaincode approveformyorg {} {} --package-id {}\n", to_orderer(), of(definition),
-                     quoted(package_id));
+                     id);
 }
 
 std::string PeerCommands::commit(const Definition& definition) const {

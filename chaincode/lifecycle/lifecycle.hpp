@@ -39,6 +39,7 @@ class Lifecycle {
  public:
   static Result<Lifecycle> connect(fabric::ClientConfig config);
 
+  const std::string& msp_id() const { return msp_id_; }
   Result<std::vector<Installed>> installed();
   Status install(const std::string& package);
   /// nullopt: the channel has none.
@@ -50,11 +51,14 @@ class Lifecycle {
   /// Without a policy of its own: the channel's, /Channel/Application/Endorsement.
   Status approve(const Definition& definition, const std::string& package_id);
   Status commit(const Definition& definition);
+  /// Whether the peer reaches the contract's service; an error has the peer's words. Waits longer than a peer tries to
+  /// connect, so that what it does not answer at all was not for want of a connection.
+  Status contract_answers();
   Result<fabric::ChannelConfig> channel() { return questions_->channel_config(); }
 
  private:
   Lifecycle(fabric::ChannelAndContract where, std::string msp_id, std::unique_ptr<fabric::PeerQueries> questions,
-            std::unique_ptr<fabric::Client> client);
+            std::unique_ptr<fabric::PeerQueries> calls, std::unique_ptr<fabric::Client> client);
   Result<std::string> query(const std::string& channel, const std::string& function, const std::string& argument);
   /// Again until it is committed or refused, or `is_done`.
   Status submit(const std::string& function, const std::string& argument, const fabric::EndorsementNeed& need,
@@ -63,6 +67,7 @@ class Lifecycle {
   fabric::ChannelAndContract where_;
   std::string msp_id_;
   std::unique_ptr<fabric::PeerQueries> questions_;
+  std::unique_ptr<fabric::PeerQueries> calls_;  ///< of the contract
   std::unique_ptr<fabric::Client> client_;
 };
 
@@ -84,7 +89,9 @@ struct PeerCommands {
 
   std::string environment() const;  ///< export lines, for all of them
   std::string install(const std::string& package_file) const;
-  std::string approve(const Definition& definition, const std::string& package_id) const;
+  /// `package_id` empty: that of the file.
+  std::string approve(const Definition& definition, const std::string& package_id,
+                      const std::string& package_file) const;
   std::string commit(const Definition& definition) const;
   std::string status() const;
 

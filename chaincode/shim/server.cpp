@@ -3,7 +3,6 @@
 #include <grpcpp/server_context.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <set>
 #include <sstream>
 
@@ -155,17 +154,13 @@ class GrpcServer final : public Server {
 }  // namespace
 
 Result<Options> options_from_environment() {
-  const auto text = [](const char* name) {
-    const char* value = std::getenv(name);
-    return std::string(value != nullptr ? value : "");
-  };
   Options options;
-  options.chaincode_id = text("CHAINCODE_ID");
-  options.address = text("CHAINCODE_SERVER_ADDRESS");
-  options.key_file = text("CHAINCODE_TLS_KEY");
-  options.certificate_file = text("CHAINCODE_TLS_CERT");
-  options.client_ca_file = text("CHAINCODE_TLS_CLIENT_CA");
-  std::stringstream names(text("CHAINCODE_TLS_CLIENT_NAMES"));
+  options.chaincode_id = environment_variable("CHAINCODE_ID");
+  options.address = environment_variable("CHAINCODE_SERVER_ADDRESS");
+  options.key_file = environment_variable("CHAINCODE_TLS_KEY");
+  options.certificate_file = environment_variable("CHAINCODE_TLS_CERT");
+  options.client_ca_file = environment_variable("CHAINCODE_TLS_CLIENT_CA");
+  std::stringstream names(environment_variable("CHAINCODE_TLS_CLIENT_NAMES"));
   for (std::string name; std::getline(names, name, ',');) {
     if (!name.empty()) options.client_names.push_back(name);
   }

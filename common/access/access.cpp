@@ -59,12 +59,10 @@ std::optional<Refusal> check_delegate(const Identity& delegate, const IdentityNa
       "delegate " + (*role == REVOKED ? revoked_text(who) : to_text(who) + " is an auditor, who commands nothing"));
 }
 
-bool gives(const Grant& grant) { return grant.fly() || grant.stop() || grant.cut(); }
-
 std::optional<Refusal> check_grantee(const Grant& grant, const Roles& roles) {
   const IdentityName who = to_name(grant.to());
   const auto role = roles.of(who);
-  if (!gives(grant) || !role || !withdraws_rights(*role)) return std::nullopt;  // withdrawn it may be at any time
+  if (!has_rights(grant) || !role || !withdraws_rights(*role)) return std::nullopt;  // withdrawn it may be at any time
   return refuse(Rule::grantee_role, no_operator_text(who, *role));
 }
 

@@ -2,89 +2,14 @@
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <span>
 #include <string>
-#include <string_view>
 #include <variant>
 #include <vector>
 
+#include "common/access/identity.hpp"
+#include "common/access/rules.hpp"
 #include "common/crypto/crypto.hpp"
 #include "ledgerline.pb.h"
-
-/// The rules by name, and which of them each function of the contract asks: the table that docs/access.md prints.
-namespace ledgerline::access {
-
-/// What has to be true for a call; a refusal names the one that is not.
-enum class Rule : std::uint8_t {
-  enrolled,
-  name_for_good,
-  administrator,
-  operator_role,
-  not_revoked,
-  granted,
-  granted_priority,
-  lease_free,
-  lease_held,
-  not_own_lease,
-  holder,
-  requested,
-  request_room,
-  delegate_other,
-  delegate_own_organisation,
-  delegate_role,
-  holder_or_requester,
-  evicts,
-  that_lease,
-  foreign_grant,
-  grant_room,
-  grantee_role,
-  stopped,
-  own_stop,
-  host,
-  granted_stop,
-  granted_cut,
-  that_clear,
-  not_claimed,
-  claims,
-};
-
-struct RuleText {
-  Rule rule;
-  std::string_view id;     ///< "lease-free": in logs, audits and the page
-  std::string_view needs;  ///< a sentence
-};
-std::span<const RuleText> all_rules();
-std::string_view id_of(Rule rule);
-
-struct FunctionText {
-  std::string_view function;
-  std::string_view who;
-  std::string_view effect;
-  std::vector<Rule> rules;  ///< in the order in which they are asked
-};
-const std::vector<FunctionText>& all_functions();
-
-/// docs/access.md.
-std::string access_page();
-
-}  // namespace ledgerline::access
-
-/// An identity's name, as the contract's messages and as certificates say it.
-namespace ledgerline {
-
-inline Identity to_message(const crypto::IdentityName& name) {
-  Identity identity;
-  identity.set_msp_id(name.msp_id);
-  identity.set_subject(name.subject);
-  return identity;
-}
-inline crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
-
-/// "Org1MSP CN=User1@...".
-inline std::string to_text(const Identity& identity) { return identity.msp_id() + " " + identity.subject(); }
-inline std::string to_text(const crypto::IdentityName& name) { return name.msp_id + " " + name.subject; }
-
-}  // namespace ledgerline
 
 /// The rule book: who may change a drone's control record by which function of the contract, and what the record
 /// becomes. The contract applies it and writes; agent, ground and audit apply it to what a block says and compare.

@@ -1,4 +1,4 @@
-#include "common/access/access.hpp"
+#include "common/access/rules.hpp"
 
 #include <algorithm>
 #include <array>
@@ -129,7 +129,9 @@ std::string access_page() {
   std::string text =
       "# Access: who may do what\n\n"
       "Printed by `ledgerline contract rules` from the rules that the contract applies and that agent, ground and "
-      "audit\nhold blocks against (`common/access`). The audit names the rule of a finding.\n\n"
+      "audit\nhold blocks against (`common/access`). The audit names the rule of a finding. Of commands it counts who "
+      "signed "
+      "them:\nthat they might is in their endorsements.\n\n"
       "## Functions\n\n"
       "| function | who | effect | rules, in the order asked |\n| --- | --- | --- | --- |\n";
   for (const FunctionText& one : all_functions()) {

@@ -55,4 +55,11 @@ constexpr auto name_enumerators(std::index_sequence<i...>) noexcept {
 template <typename Enum>
 inline constexpr auto enum_names = name_enumerators<Enum>(std::make_index_sequence<enum_count<Enum>>());
 
+/// As it is written in its enumeration; "unknown" for a value that is none.
+template <typename Enum>
+constexpr std::string_view enum_name(Enum value) noexcept {
+  const auto at = static_cast<std::size_t>(value);
+  return at < enum_count<Enum> ? enum_names<Enum>[at] : "unknown";
+}
+
 }  // namespace ledgerline

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <iterator>
 #include <utility>
 
@@ -100,6 +101,11 @@ Status check_endpoint(std::string_view text, unsigned least_port) {
   if (read.ec != std::errc() || read.ptr != digits.data() + digits.size() || port < least_port || port > 65535)
     return wrong(fmt::format("must end in a port from {} to 65535", least_port));
   return done;
+}
+
+std::string environment_variable(const char* name) {
+  const char* value = std::getenv(name);
+  return value ? value : "";
 }
 
 }  // namespace ledgerline

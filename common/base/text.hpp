@@ -15,6 +15,9 @@ std::string printable(std::string_view text, std::size_t max_size = 1'000);
 /// Whether a configuration (TOML) or figures (JSON) can hold it.
 bool is_utf8(std::string_view text);
 
+/// Empty where it is not set.
+std::string environment_variable(const char* name);
+
 /// As it stands in an element or an attribute of XML; a control but a newline becomes a space.
 std::string xml_text(std::string_view text);
 

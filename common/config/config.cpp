@@ -6,11 +6,15 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
 #include <limits>
 #include <set>
 #include <sstream>
 
+#include "common/base/nearest_word.hpp"
 #include "common/base/text.hpp"
 
 namespace ledgerline {
@@ -35,7 +39,8 @@ constexpr auto renamed_keys = std::to_array<std::pair<std::string_view, std::str
 });
 
 Error parse_error(const std::string& name, const toml::parse_error& e) {
-  return Error{fmt::format("{}:{}: {}", name, e.source().begin.line, printable(e.description()))};
+  const auto line = e.source().begin.line;  // 0: the file cannot be read
+  return Error{fmt::format("{}{}: {}", name, line > 0 ? fmt::format(":{}", line) : "", printable(e.description()))};
 }
 
 // The house writes units into names; the reference reads them there.
@@ -113,7 +118,8 @@ struct Config::State {
   }
   void problem(const toml::node* node, const std::string& key, const std::string& what) {
     const std::string line = node ? fmt::format(":{}", node->source().begin.line) : "";
-    problems.push_back(fmt::format("{}{}: {}: {}", name, line, printable(key, max_key), printable(what)));
+    std::string words = fmt::format("{}{}: {}: {}", name, line, printable(key, max_key), printable(what));
+    if (std::ranges::find(problems, words) == problems.end()) problems.push_back(std::move(words));
   }
   void take_all(const toml::node& node, const std::string& prefix) {
     asked.insert(prefix);
@@ -133,8 +139,19 @@ struct Config::State {
     } else if (!asked.contains(prefix)) {
       const auto now =
           std::find_if(renamed_keys.begin(), renamed_keys.end(), [&](const auto& key) { return key.first == prefix; });
-      problem(&node, prefix, now == renamed_keys.end() ? "unknown key" : fmt::format("is {} now", now->second));
+      problem(&node, prefix,
+              now == renamed_keys.end() ? "unknown key" + guess_for(prefix) : fmt::format("is {} now", now->second));
     }
+  }
+  /// Among the keys of its table.
+  std::string guess_for(const std::string& unknown) const {
+    const std::size_t key = unknown.rfind('.') + 1;  // 0: of no table
+    std::vector<std::string> known;
+    for (const std::string& one : asked) {
+      if (one.rfind('.') + 1 == key && one.starts_with(unknown.substr(0, key))) known.push_back(one.substr(key));
+    }
+    const std::string near = nearest_word(unknown.substr(key), known);
+    return near.empty() ? "" : fmt::format(": did you mean {}?", near);
   }
 };
 
@@ -146,6 +163,7 @@ Config::~Config() = default;
 Result<Config> Config::load(const std::string& path) {
   auto state = std::make_unique<State>();
   state->name = path;
+  if (!std::ifstream(path)) return Error{fmt::format("{}: {}", path, std::strerror(errno))};
   try {
     state->root = toml::parse_file(path);
   } catch (const toml::parse_error& e) {

@@ -143,6 +143,18 @@ Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRe
   return make(wanted, issuer->get(), issuer_key->get());
 }
 
+Status check_issued_by(const std::string& ca_pem, const std::string& certificate_pem) {
+  auto ca = read_certificate(ca_pem), certificate = read_certificate(certificate_pem);
+  for (const auto* read : {&ca, &certificate}) {
+    if (!*read) return read->error();
+  }
+  const bool issued = X509_check_issued(ca->get(), certificate->get()) == X509_V_OK &&
+                      X509_verify(certificate->get(), X509_get0_pubkey(ca->get())) == 1;
+  ERR_clear_error();
+  if (issued) return done;
+  return Error{"the certificate is of another authority"};
+}
+
 Result<std::string> make_document_authority(const KeyAndCertificate& ca) {
   auto certificate = read_certificate(ca.certificate_pem);
   if (!certificate) return certificate.error();

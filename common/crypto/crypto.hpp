@@ -96,8 +96,8 @@ class MspRegistry {
 struct MspRoot {
   std::string msp_id;
   std::string ca_pem;  ///< certificates of its authorities, root and intermediate
-  std::string
-      revocation_lists_pem{};  ///< X.509 CRLs; one that none of its authorities has signed is ignored, as in Fabric
+  /// X.509 CRLs; one that none of its authorities has signed is ignored, as in Fabric.
+  std::string revocation_lists_pem{};
 };
 enum class ListsFrom {
   configuration,  ///< the channel's: while one has no readable authority key identifier, nobody of its MSP is a member
@@ -249,6 +249,9 @@ std::vector<std::string> certificates_in(std::string_view pem);
 /// the first for the own one, and an authority may deliver its own before it. The text as it is where it is in order.
 /// An error: as check_fits, none is of that key.
 Result<std::string> own_first(const std::string& key_pem, const std::string& certificates_pem);
+
+/// An error: the certificate is not signed by this authority's own key.
+Status check_issued_by(const std::string& ca_pem, const std::string& certificate_pem);
 
 /// The CA's own certificate recreated, with the same name and key, that may sign documents: Fabric's CAs are for TLS
 /// and certificates alone. What the CA has issued is of this one, too.

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/text.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/reach.hpp"
 #include "common/msg/cdr.hpp"
@@ -145,9 +146,7 @@ namespace {
 /// rmw_dds_common/msg/Gid: 16 bytes since Iron, 24 before. Where the config does not say which release is used here,
 /// ROS 2's setup files do.
 std::size_t gid_bytes_of(std::string_view release) {
-  const char* distro = std::getenv("ROS_DISTRO");
-  const std::string_view name = !release.empty() ? release : distro ? distro : "";
-  return is_before_iron(name) ? 24 : 16;
+  return is_before_iron(release.empty() ? environment_variable("ROS_DISTRO") : std::string(release)) ? 24 : 16;
 }
 
 void put_gid(CdrWriter& out, const Guid& guid, std::size_t bytes) {

@@ -20,6 +20,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/endpoint.hpp"
 #include "common/dds/reach.hpp"
@@ -28,9 +29,8 @@ namespace ledgerline::dds {
 namespace {
 
 Result<std::uint32_t> domain_from_environment() {
-  const char* text = std::getenv("ROS_DOMAIN_ID");
-  if (!text || !*text) return std::uint32_t{0};
-  const std::string digits = text;
+  const std::string digits = environment_variable("ROS_DOMAIN_ID");
+  if (digits.empty()) return std::uint32_t{0};
   const bool plain = digits.size() <= 3 && std::ranges::all_of(digits, [](char c) { return c >= '0' && c <= '9'; });
   if (!plain || std::stoul(digits) > 232)
     return Error{"ROS_DOMAIN_ID is '" + digits + "': give a number from 0 to 232"};
@@ -184,8 +184,8 @@ class CycloneSays {
 /// The configuration that a person wrote, as Cyclone is given it; empty: none, or ours.
 std::string own_configuration(const Reach& reach) {
   if (reach.cyclone_config) return reach.cyclone_config->starts_with("file://") ? *reach.cyclone_config : "";
-  const char* uri = std::getenv("CYCLONEDDS_URI");
-  return uri && *uri ? "CYCLONEDDS_URI " + std::string(uri) : "";
+  const std::string uri = environment_variable("CYCLONEDDS_URI");
+  return uri.empty() ? "" : "CYCLONEDDS_URI " + uri;
 }
 
 /// Null where the domain exists already by other means: it then keeps its own configuration.
@@ -241,12 +241,11 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
 
   if (!options.cyclonedds.empty() && ::access(options.cyclonedds.c_str(), R_OK) != 0)
     return Error{"DDS: cannot read '" + options.cyclonedds + "', which the config names for Cyclone DDS"};
-  const char* uri = std::getenv("CYCLONEDDS_URI");
   const auto interfaces = host_interfaces();
   if (!interfaces) return interfaces.error();
   ParticipantOptions in_domain = options;
   in_domain.domain = domain;
-  const auto reach = reach_of(in_domain, uri ? uri : "", *interfaces);
+  const auto reach = reach_of(in_domain, environment_variable("CYCLONEDDS_URI"), *interfaces);
   if (!reach) return reach.error();
   for (const std::string& warning : reach->warnings) spdlog::warn("{}", warning);
   const QosPtr qos(dds_create_qos());

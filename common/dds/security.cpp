@@ -125,6 +125,9 @@ Result<SecurityDocuments> make_security_documents(const crypto::KeyAndCertificat
     for (const std::string& pem : *list) {
       const auto certificate = crypto::parse_certificate(pem);
       if (!certificate) return certificate.error();
+      if (const auto issued = crypto::check_issued_by(*signer_pem, pem); !issued)
+        return Error{fmt::format("{}: {}, so DDS Security would not let it in", printable(certificate->subject),
+                                 issued.error().message)};
       by_subject[certificate->subject].*is = true;
     }
   }

@@ -5,6 +5,7 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/common.pb.h"
+#include "common/config/other_tables.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/validation/channel_config.hpp"
@@ -141,6 +142,10 @@ Result<ClientConfig> load_ledger_config(const std::string& file) {
   auto config = Config::load(file);
   if (!config) return config.error();
   auto ledger = ledger_config(*config);
+  skip_other_tables(*config);
+  (void)read_channels(*config);
+  for (const char* table : {"msp", "topic", "enrolled", "bridge", "own_endorser", "serve", "start"})
+    config->skip_table(table);
   if (auto status = config->finish(); !status) return status.error();
   return ledger;
 }

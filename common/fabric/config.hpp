@@ -17,7 +17,8 @@ namespace ledgerline::fabric {
 /// lines.
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline = std::chrono::seconds(5));
 
-/// Of a file with nothing else in it: what Config::finish() finds is an error, too.
+/// Of a file for this alone, or of agent's or ground's whole one, whose other tables are skipped. What Config::finish()
+/// finds is an error, too.
 Result<ClientConfig> load_ledger_config(const std::string& file);
 
 /// For the log of a program that acts on blocks, where config_block is empty.

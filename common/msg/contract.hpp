@@ -43,8 +43,8 @@ inline constexpr std::size_t max_page_anchors = 64;   ///< that one verify answe
 /// Maximum for one organisation in an answer about all of them: one that mints identities hides no other
 /// organisation's.
 inline constexpr std::size_t max_organisation_anchors = 16;
-inline constexpr std::size_t max_drone_requests =
-    16;  ///< identities of one organisation that ask for one drone at once
+/// Identities of one organisation that ask for one drone at once.
+inline constexpr std::size_t max_drone_requests = 16;
 /// An organisation's roles are kept in so many records, by the first hex digit of the hash of each identity's name.
 /// With one for all, a transaction that reads a role would lose to each enrolment in its organisation; one for each
 /// identity has no bound.

@@ -8,16 +8,17 @@
 #include "common/msg/stops.hpp"
 #include "ledgerline.pb.h"
 
-/// What a drone's organisation lets others do with it, as the contract decides and as agent and ground check its
-/// events. Thread-safe as the messages are.
-
-/// Those who ask a drone's holder for the lease, as contract, agent and ground keep them. Each identity asks once; a
-/// newer request replaces its older one. Thread-safe as the messages are.
+/// Leases, grants and requests of a control record: what the contract decides by, and what agent and ground check its
+/// events by. Grants say what a drone's organisation lets others do with it, requests who asks its holder for the
+/// lease: each identity once, a newer request replaces its older one. Thread-safe as the messages are.
 
 namespace ledgerline {
 
 /// Whether a role is one of those that fly, stop and answer.
 inline bool is_operator(Role role) { return role == OPERATOR || role == SUPERVISOR; }
+
+/// Whether a grant is for anything: one that is not withdraws what there was.
+inline bool has_rights(const Grant& grant) { return grant.fly() || grant.stop() || grant.cut(); }
 
 /// What an operator or supervisor may do with a drone.
 struct Rights {
@@ -39,6 +40,15 @@ Rights rights_of(const List& grants, const std::string& owner_msp_id, const Iden
     if (grant.fly()) rights.max_priority = std::max(rights.max_priority, grant.max_priority());
   }
   return rights;
+}
+/// For people: "fly up to priority 10, stop".
+inline std::string rights_text(const Grant& grant) {
+  std::string rights;
+  const auto add = [&](const std::string& right) { rights += (rights.empty() ? "" : ", ") + right; };
+  if (grant.fly()) add("fly up to priority " + std::to_string(grant.max_priority()));
+  if (grant.stop()) add("stop");
+  if (grant.cut()) add("cut");
+  return rights.empty() ? "nothing" : rights;
 }
 inline bool is_revoked(const Control& control, const Identity& who) {
   return std::any_of(control.revoked().begin(), control.revoked().end(),
@@ -78,7 +88,7 @@ inline bool names_identity(const Control& control, const Identity& who) {
 /// enrolled may be granted something beforehand.)
 inline bool withdraws_rights(Role role) { return role == REVOKED || role == AUDITOR; }
 
-/// Lays in what an identity's organisation has made of its role. Of one whom the record does not speak of: nothing.
+/// Applies a role change to the record's list of the revoked, if the record names that identity.
 inline void apply_role(Control& control, const Identity& who, Role role) {
   remove_entry(*control.mutable_revoked(), who, std::identity());
   if (!withdraws_rights(role) || !names_identity(control, who)) return;
@@ -143,7 +153,7 @@ inline void end_revoked(Control& control, std::uint64_t new_epoch) {
 /// new epoch; a priority that is no longer granted is lowered.
 inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_epoch) {
   const auto whose = [](const Grant& one) -> const Identity& { return one.to(); };
-  if (grant.fly() || grant.stop() || grant.cut()) {
+  if (has_rights(grant)) {
     put_entry(*control.mutable_grants(), grant, whose);
   } else {
     remove_entry(*control.mutable_grants(), grant.to(), whose);

@@ -10,39 +10,9 @@
 /// The words for what link says: in logs, status lines, summaries and on the ledger.
 namespace ledgerline {
 
-constexpr const char* name(FlightPhase phase) noexcept {
-  return name_of(phase, std::array{"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"});
-}
-
-constexpr const char* name(FailsafeMode mode) noexcept {
-  return name_of(mode, std::array{"none", "hold", "brake", "land", "cut"});
-}
-
-constexpr const char* name(FailsafeCause cause) noexcept {
-  return name_of(cause, std::array{"none",
-                                   "plan_ran_out",
-                                   "held_too_long",
-                                   "agent_silent",
-                                   "ledger_silent",
-                                   "state_stale",
-                                   "pose_lost",
-                                   "fence",
-                                   "battery_low",
-                                   "battery_critical",
-                                   "stopped",
-                                   "ledger_untrusted",
-                                   "velocity_lost",
-                                   "position_uncertain",
-                                   "motion_differs",
-                                   "tilted",
-                                   "overturned",
-                                   "too_near",
-                                   "height_lost",
-                                   "other_client",
-                                   "sources_differ",
-                                   "check_failed",
-                                   "takeoff_refused_by_drone"});
-}
+constexpr std::string_view name(FlightPhase phase) noexcept { return enum_name(phase); }
+constexpr std::string_view name(FailsafeMode mode) noexcept { return enum_name(mode); }
+constexpr std::string_view name(FailsafeCause cause) noexcept { return enum_name(cause); }
 
 /// The same in a sentence: "its failsafe landed it: ...".
 constexpr const char* words_for(FailsafeCause cause) noexcept {

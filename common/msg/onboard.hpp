@@ -14,6 +14,9 @@ namespace ledgerline {
 using DroneNumber = std::uint16_t;
 inline constexpr DroneNumber max_drones = 16;
 
+/// A Tello's UDP ports, as SDK 1.3 to 3.0 have them: of commands and their answers, of state texts, of video.
+inline constexpr std::uint16_t command_port = 8889, state_port = 8890, video_port = 11111;
+
 /// What a plan wants. The first three are also on the wire (ledgerline.proto uses the same values); the others are said
 /// by agent alone, from the contract's control records: land now; motors off at once, only where asked for by name;
 /// nobody has it stopped on the ledger any more; and that the owner's organisation cleared its stop, which clears
@@ -45,10 +48,10 @@ enum class FlightPhase : std::uint8_t {
   landing = 4,
   landed = 5
 };
-constexpr bool in_flight(FlightPhase phase) noexcept {
+constexpr bool is_in_flight(FlightPhase phase) noexcept {
   return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
 }
-constexpr bool on_ground(FlightPhase phase) noexcept {
+constexpr bool is_on_ground(FlightPhase phase) noexcept {
   return phase == FlightPhase::on_ground || phase == FlightPhase::landed;
 }
 

@@ -36,27 +36,28 @@ void fields(Cdr& cdr, Of<Cdr, Header>& header) {
 
 // Rows and columns of x, y, z, roll, pitch, yaw.
 using Covariance = std::array<double, 36>;
-constexpr std::array<std::size_t, 4> reported_variances{0, 7, 14, 35};
+constexpr std::array<std::size_t, 4> of_pose{0, 7, 14, 35};
+constexpr std::array<std::size_t, 3> angular_diagonal{21, 28, 35};
 
-void diagonal(CdrWriter& out, const PoseVariance& variance) {
+template <std::size_t N>
+void diagonal(CdrWriter& out, const std::array<std::size_t, N>& indices, const std::array<float, N>& variance) {
   Covariance covariance{};
-  for (std::size_t i = 0; i < reported_variances.size(); ++i)
-    covariance[reported_variances[i]] = static_cast<double>(variance[i]);
+  for (std::size_t i = 0; i < N; ++i) covariance[indices[i]] = static_cast<double>(variance[i]);
   out(covariance);
 }
-void diagonal(CdrReader& in, PoseVariance& variance) {
+template <std::size_t N>
+void diagonal(CdrReader& in, const std::array<std::size_t, N>& indices, std::array<float, N>& variance) {
   const auto covariance = in.get_array<double, 36>();
-  for (std::size_t i = 0; i < reported_variances.size(); ++i)
-    variance[i] = static_cast<float>(covariance[reported_variances[i]]);
+  for (std::size_t i = 0; i < N; ++i) variance[i] = static_cast<float>(covariance[indices[i]]);
 }
 
 template <typename Cdr>
 void fields(Cdr& cdr, Of<Cdr, Odometry>& odometry) {
   fields(cdr, odometry.header);
   cdr(odometry.child_frame_id, odometry.position_m, odometry.orientation);
-  diagonal(cdr, odometry.pose_variance);
-  Covariance unknown{};
-  cdr(odometry.linear_mps, odometry.angular_radps, unknown);
+  diagonal(cdr, of_pose, odometry.pose_variance);
+  cdr(odometry.linear_mps, odometry.angular_radps);
+  diagonal(cdr, angular_diagonal, odometry.angular_variance);
 }
 
 template <typename Cdr>
@@ -227,13 +228,16 @@ bool read_link_status_before(CdrReader& in, DroneState& state) {
 }  // namespace
 
 Odometry odometry_of(const StateSample& s, const std::string& drone, TimeNs real_offset_ns) {
+  // Filters of ROS take a zero for exact, and leave out what is as uncertain as this.
+  constexpr float not_measured = 1e6F;
   return {.header = {s.pose_stamp_ns + real_offset_ns, "map"},  // the pose's own: a lost mocap shows as an old one
           .child_frame_id = drone + "/base_link",
           .position_m = s.position_m,
           .orientation = quaternion_from_yaw(s.yaw_rad),
           .linear_mps = turned(s.velocity_mps, s.yaw_rad, -1),
           .angular_radps = {},
-          .pose_variance = s.pose_variance};
+          .pose_variance = s.pose_variance,
+          .angular_variance = {not_measured, not_measured, not_measured}};
 }
 
 std::string link_status_to_cdr(const StateSample& s, TimeNs real_offset_ns) {
@@ -271,11 +275,9 @@ Result<DroneState> state_from_cdr(std::string_view link_status, std::string_view
 
 namespace {
 
-constexpr std::uint8_t level_ok = 0, level_warn = 1, level_error = 2;  // diagnostic_msgs/msg/DiagnosticStatus
-
-std::uint8_t level(const Transition& t) {
-  if (t.mode >= FailsafeMode::land) return level_error;
-  return t.mode == FailsafeMode::none && t.cause == FailsafeCause::none ? level_ok : level_warn;
+DiagnosticLevel level(const Transition& t) {
+  if (t.mode >= FailsafeMode::land) return DiagnosticLevel::error;
+  return t.mode == FailsafeMode::none && t.cause == FailsafeCause::none ? DiagnosticLevel::ok : DiagnosticLevel::warn;
 }
 
 template <typename Number>
@@ -306,9 +308,9 @@ bool read_value(std::string_view key, std::string_view value, Transition& t) {
 
 using Values = std::vector<std::pair<std::string_view, std::string>>;
 
-void put_status(CdrWriter& out, std::uint8_t level, const std::string& name, const std::string& message,
+void put_status(CdrWriter& out, DiagnosticLevel level, const std::string& name, const std::string& message,
                 const std::string& hardware, const Values& values) {
-  out(level, name, message, hardware, static_cast<std::uint32_t>(values.size()));
+  out(static_cast<std::uint8_t>(level), name, message, hardware, static_cast<std::uint32_t>(values.size()));
   for (const auto& [key, value] : values) out(key, value);
 }
 
@@ -346,15 +348,16 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
   fields(out, header);
   out.put(static_cast<std::uint32_t>(transitions.size()));
   for (const Transition& t : transitions) {
-    put_status(out, level(t), drone + "/failsafe",
-               std::string(name(t.phase)) + ", failsafe " + name(t.mode) + " (" + name(t.cause) + ")", drone,
+    std::string message(name(t.phase));
+    message.append(", failsafe ").append(name(t.mode)).append(" (").append(name(t.cause)).append(")");
+    put_status(out, level(t), drone + "/failsafe", message, drone,
                {{"boot_id", std::to_string(t.boot_id)},
                 {"number", std::to_string(t.number)},
                 {"lost", std::to_string(t.lost)},
                 {"stamp_ns", std::to_string(t.stamp_ns)},
-                {"phase", name(t.phase)},
-                {"mode", name(t.mode)},
-                {"cause", name(t.cause)}});
+                {"phase", std::string(name(t.phase))},
+                {"mode", std::string(name(t.mode))},
+                {"cause", std::string(name(t.cause))}});
   }
   return out.release();
 }
@@ -364,13 +367,22 @@ Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr) {
       cdr, "a transition", [](std::uint8_t, const std::string&, Transition&) {}, read_value);
 }
 
+std::string diagnostic_to_cdr(const Header& header, const std::string& drone, DiagnosticLevel level,
+                              const std::string& message) {
+  CdrWriter out;
+  fields(out, header);
+  out.put(std::uint32_t{1});
+  put_status(out, level, drone + "/flight", message, drone, {});
+  return out.release();
+}
+
 std::string alarms_to_cdr(const Header& header, const std::string& drone, const std::vector<Alarm>& alarms) {
   CdrWriter out;
   fields(out, header);
   out.put(static_cast<std::uint32_t>(alarms.size()));
   for (const Alarm& alarm : alarms) {
     put_status(
-        out, alarm.stands ? level_error : level_ok, drone + "/alarm/" + alarm.kind,
+        out, alarm.stands ? DiagnosticLevel::error : DiagnosticLevel::ok, drone + "/alarm/" + alarm.kind,
         (alarm.stands ? "the ledger is not trusted: " : "over: ") + alarm.words, drone,
         {{"count", std::to_string(alarm.count)}, {"words", alarm.words}, {"block", std::to_string(alarm.block)}});
   }
@@ -381,7 +393,7 @@ Result<std::vector<Alarm>> alarms_from_cdr(std::string_view cdr) {
   return statuses_from_cdr<Alarm>(
       cdr, "an alarm",
       [](std::uint8_t level, const std::string& name, Alarm& alarm) {
-        alarm.stands = level >= level_error;
+        alarm.stands = level >= static_cast<std::uint8_t>(DiagnosticLevel::error);
         alarm.kind = name.substr(name.rfind('/') + 1);
       },
       [](const std::string& key, const std::string& value, Alarm& alarm) {

@@ -22,8 +22,8 @@ struct Header {
   std::string frame_id;
 };
 
-/// nav_msgs/msg/Odometry. Of its covariances the pose's diagonal is filled in (x, y, z, yaw); zeros mean "unknown", as
-/// in ROS. Quaternion order x, y, z, w.
+/// nav_msgs/msg/Odometry. Of its covariances the diagonals of the pose (x, y, z, yaw) and of the angular velocity are
+/// filled in; zeros mean "unknown", as in ROS. Quaternion order x, y, z, w.
 struct Odometry {
   Header header;  ///< frame_id "map"
   std::string child_frame_id;
@@ -32,6 +32,7 @@ struct Odometry {
   std::array<double, 3> linear_mps{};  ///< in the child frame (REP 105)
   std::array<double, 3> angular_radps{};
   PoseVariance pose_variance{};
+  std::array<float, 3> angular_variance{};
 };
 inline constexpr std::string_view odometry_type = "nav_msgs/msg/Odometry";
 std::string to_cdr(const Odometry& odometry);
@@ -116,6 +117,11 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
                                const std::vector<Transition>& transitions);
 /// The drone's number is left out: its name is in the id.
 Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr);
+
+enum class DiagnosticLevel : std::uint8_t { ok = 0, warn = 1, error = 2 };  ///< diagnostic_msgs/msg/DiagnosticStatus
+/// diagnostic_msgs/msg/DiagnosticArray of one status, "<drone>/flight", without values.
+std::string diagnostic_to_cdr(const Header& header, const std::string& drone, DiagnosticLevel level,
+                              const std::string& message);
 
 /// diagnostic_msgs/msg/DiagnosticArray: why the drone's agent does not or did not trust the ledger, a
 /// DiagnosticStatus each. Its name is "<drone>/alarm/<kind>", its level 2 (ERROR) while it stands, else 0 (OK), its

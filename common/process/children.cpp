@@ -13,13 +13,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
-#include <cstdlib>
 #include <cstring>
 #include <deque>
 #include <fstream>
 #include <sstream>
 #include <string_view>
 
+#include "common/base/text.hpp"
 #include "common/process/usage.hpp"
 
 namespace ledgerline {
@@ -192,6 +192,11 @@ bool Children::has_succeeded(const std::string& name) const {
   return child && child->ended && WIFEXITED(child->status) && WEXITSTATUS(child->status) == 0;
 }
 
+bool Children::was_killed(const std::string& name) const {
+  const Child* child = find(name);
+  return child && child->ended && WIFSIGNALED(child->status);
+}
+
 std::string Children::how_it_ended(const std::string& name) const {
   const Child* child = find(name);
   if (!child || !child->ended) return "";
@@ -260,8 +265,8 @@ bool enter_scheduling(Scheduling scheduling) noexcept {
 }
 
 std::string find_program(std::string_view name, std::string_view also_in) {
-  const char* path = std::getenv("PATH");
-  for (const std::string_view among : {std::string_view(path ? path : ""), also_in}) {
+  const std::string path = environment_variable("PATH");
+  for (const std::string_view among : {std::string_view(path), also_in}) {
     std::istringstream folders{std::string(among)};
     for (std::string folder; std::getline(folders, folder, ':');) {
       const std::string file = fmt::format("{}/{}", folder.empty() ? "." : folder, name);

@@ -70,6 +70,7 @@ class Children {
   /// "ended with exit code 1", "was ended by signal 11 (Segmentation fault)"; empty while it runs or if it never did.
   std::string how_it_ended(const std::string& name) const;
   bool has_succeeded(const std::string& name) const;
+  bool was_killed(const std::string& name) const;  ///< a signal ended it
   void signal(const std::string& name, int signal);
   /// To all that this child started and that stayed in its process group, also after it has ended by itself.
   void signal_group(const std::string& name, int signal);

@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
-#include <numeric>
 #include <set>
 #include <sstream>
 #include <utility>
 
 #include "common/base/log.hpp"
+#include "common/base/nearest_word.hpp"
 #include "common/base/text.hpp"
 #include "common/program/program.hpp"
 
@@ -48,19 +48,6 @@ class OrderedHelp : public CLI::Formatter {
 
 std::vector<CLI::App*> verbs_of(CLI::App& app) { return app.get_subcommands({}); }
 
-std::size_t edits_between(const std::string& from, const std::string& to) {  // Levenshtein's
-  std::vector<std::size_t> row(to.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    std::size_t diagonal = std::exchange(row[0], i + 1);
-    for (std::size_t j = 0; j < to.size(); ++j) {
-      const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
-      diagonal = std::exchange(row[j + 1], std::min({replaced, row[j] + 1, row[j + 1] + 1}));
-    }
-  }
-  return row.back();
-}
-
 /// "did you mean --laps?" for the first word that the program does not have; empty: all are known, or none is near.
 std::string suggestion(CLI::App& app, const std::vector<std::string>& arguments) {
   std::vector<std::string> names, options;
@@ -87,14 +74,6 @@ std::string suggestion(CLI::App& app, const std::vector<std::string>& arguments)
 }
 
 }  // namespace
-
-std::string nearest_word(const std::string& typed, const std::vector<std::string>& known) {
-  constexpr std::size_t max_edits = 2, max_length = 64;  // of what is typed: the work is bounded
-  if (typed.size() > max_length || known.empty()) return "";
-  const auto edits = [&](const std::string& word) { return edits_between(typed, word); };
-  const std::string& near = *std::ranges::min_element(known, {}, edits);
-  return edits(near) <= std::min(max_edits, typed.size() / 2) ? near : "";
-}
 
 std::string utf8_path_problem(const std::string& path) {
   if (path.empty()) return "";
@@ -228,10 +207,7 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
     }
     app_->footer("More options: " + name_ + " " + help_all + "\n\n" + app_->get_footer());
   }
-  try {
-    app_->parse(words);
-    return std::nullopt;
-  } catch (const CLI::ParseError& end) {
+  const auto end_with = [&](const CLI::ParseError& end) {
     std::ostringstream text;
     const int code = app_->exit(end, text, text);
     for (const auto& [before, now] : renamed_) {
@@ -240,6 +216,16 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
     }
     if (code != 0) text << suggestion(*app_, arguments);
     return EarlyEnd{code == 0 ? 0 : exit_usage, text.str()};
+  };
+  try {
+    app_->parse(words);
+    return std::nullopt;
+  } catch (const CLI::ExtrasError&) {
+    std::vector<std::string> unexpected = app_->remaining(true);
+    std::ranges::reverse(unexpected);  // CLI11 lists the last one first
+    return end_with(CLI::ExtrasError(unexpected));
+  } catch (const CLI::ParseError& end) {
+    return end_with(end);
   }
 }
 

@@ -123,7 +123,4 @@ class CommandLine : public Arguments {
 /// main() of an executable with several verbs: the first argument says which, and is its `argv[0]`.
 int run_verb(int argc, char** argv, const std::map<std::string, int (*)(int, char**)>& verbs);
 
-/// Of what can be typed, that which was meant by `typed`: at most two edits away. Empty: nothing is that near.
-std::string nearest_word(const std::string& typed, const std::vector<std::string>& known);
-
 }  // namespace ledgerline

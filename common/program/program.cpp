@@ -101,7 +101,7 @@ void print_status(const std::string& line) {
 int run_with_config(int argc, char** argv, const ConfigProgram& program, const std::function<int(Config&)>& run) {
   CommandLine line(program.name, program.about, program.notes);
   std::string file;
-  line.option(program.argument, file, "TOML file").required();
+  line.option(config_argument, file, "TOML file").required();
   if (const auto end = line.parse(argc, argv)) return *end;
   catch_stop_signals_of_service();
   outlive_readers();

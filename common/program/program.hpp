@@ -112,13 +112,15 @@ void print_line(const std::string& line);
 /// more than 4,096 bytes may wait all the same.
 void print_status(const std::string& line);
 
-/// A program whose only argument is a TOML file: `argument` is "--config", or a name for a place on the line.
+/// A program whose only argument is a TOML file.
 struct ConfigProgram {
   std::string name;   ///< as it is typed
   std::string about;  ///< above the options in help
   std::string notes;  ///< below them: examples, keys, exit codes
-  std::string argument = "--config";
 };
+
+/// How a service takes its config: behind --config or alone.
+inline constexpr const char* config_argument = "--config,CONFIG";
 
 /// main() of such a program: command line, log, SIGINT, SIGTERM and SIGHUP, and the file; then `run`, which returns the
 /// exit code. It outlives who reads its output (outlive_readers).

@@ -9,22 +9,17 @@
 #include <chrono>
 #include <csignal>
 #include <cstddef>
-#include <cstdlib>
 #include <cstring>
 #include <utility>
 
+#include "common/base/text.hpp"
 #include "common/rt/loop_ticker.hpp"
 
 namespace ledgerline {
 namespace {
 
-std::string variable(const char* name) {
-  const char* value = std::getenv(name);
-  return value ? value : "";
-}
-
 Result<std::int64_t> whole_number(const char* name, std::int64_t otherwise) {
-  const std::string text = variable(name);
+  const std::string text = environment_variable(name);
   if (text.empty()) return otherwise;
   std::int64_t number = 0;
   const auto read = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -48,7 +43,7 @@ Result<ServiceManager> ServiceManager::from_environment() {
   if (!watched) return watched.error();
   ServiceManager manager(*watched == ::getpid() ? *timeout_us * ns_per_us : 0);
 
-  const std::string socket = variable("NOTIFY_SOCKET");
+  const std::string socket = environment_variable("NOTIFY_SOCKET");
   if (socket.empty()) return Result<ServiceManager>(std::move(manager));
   const bool abstract = socket[0] == '@';
   if ((!abstract && socket[0] != '/') || socket.size() < 2 || socket.size() >= sizeof manager.address_.sun_path)

@@ -35,15 +35,21 @@ struct TryWorld {
 Status retry(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
              const std::function<Status()>& attempt, const TryWorld& world = TryWorld::real());
 
-/// Exponential back-off after failures: doubles up to `max_ns`, with jitter (half to whole), so that the many clients
+struct BackOffLimits {
+  TimeNs first_ns = 20 * ns_per_ms;  ///< after the first failure
+  TimeNs max_ns = 1 * ns_per_s;
+};
+
+/// Exponential back-off after failures: doubles up to its limit, with jitter (half to whole), so that the many clients
 /// of a ledger that comes back do not all ask at once; a success resets it. One thread.
 class BackOff {
  public:
-  BackOff(TimeNs first_ns, TimeNs max_ns) : first_ns_(first_ns), max_ns_(max_ns) {}
+  explicit BackOff(const BackOffLimits& limits) : limits_(limits) {}
+  BackOff(TimeNs first_ns, TimeNs max_ns) : limits_{first_ns, max_ns} {}
 
   /// Another failure: how long to wait now.
   TimeNs next(Random& random) {
-    wait_ns_ = std::clamp(2 * wait_ns_, first_ns_, max_ns_);
+    wait_ns_ = std::clamp(2 * wait_ns_, limits_.first_ns, limits_.max_ns);
     return static_cast<TimeNs>(static_cast<double>(wait_ns_) * (0.5 + 0.5 * random.uniform()));
   }
   void succeeded() { wait_ns_ = 0; }
@@ -54,9 +60,30 @@ class BackOff {
   TimeNs until_ns() const { return until_ns_; }
 
  private:
-  TimeNs first_ns_, max_ns_;
+  BackOffLimits limits_;
   TimeNs wait_ns_ = 0;
   TimeNs until_ns_ = INT64_MIN;
+};
+
+/// Runs what is wanted at once, then at most once per `gap_ns`, however often it is asked for. Deterministic; one
+/// thread.
+class RateLimiter {
+ public:
+  explicit RateLimiter(TimeNs gap_ns) : gap_ns_(gap_ns) {}
+
+  void request() { is_wanted_ = true; }
+  /// True: do it now.
+  bool start(TimeNs now) {
+    if (!is_wanted_ || now < next_ns_) return false;
+    is_wanted_ = false;
+    next_ns_ = now + gap_ns_;
+    return true;
+  }
+
+ private:
+  const TimeNs gap_ns_;
+  TimeNs next_ns_ = 0;
+  bool is_wanted_ = false;
 };
 
 }  // namespace ledgerline

@@ -13,10 +13,10 @@ namespace ledgerline {
 enum class TraceKind : std::uint16_t {
   truth = 1,             ///< sim: id 0, stamp 0, v = x, y, z [m], yaw [rad]; extra = 1 while in flight, 2 once it
                          ///< turned over
-  state_sampled = 2,     ///< link: id = state sequence, stamp = its time, v = x, y, z [m], yaw [rad];
-                         ///< extra = battery, per mille
-  frame_submitted = 3,   ///< agent: id = frame number, extra = samples in it
-  frame_committed = 4,   ///< agent: id = frame number, extra = samples in it, stamp = when it was submitted
+  state_sampled = 2,     ///< link: id = state sequence, stamp = its time, v = x, y, z [m], yaw [rad]; without a pose
+                         ///< x and y are NaN and z is its own height; extra = battery, per mille, 0: not known
+  frame_submitted = 3,   ///< agent: id = batch number, extra = samples in it
+  frame_committed = 4,   ///< agent: id = batch number, extra = samples in it, stamp = when it was submitted
   state_received = 5,    ///< ground: id = state sequence, stamp = the state's
   command_made = 6,      ///< ground: id = plan sequence, stamp = its state's, v = vx, vy, vz [m/s] of its first
                          ///< setpoint, progress [m]; extra = its action
@@ -26,8 +26,8 @@ enum class TraceKind : std::uint16_t {
   mode = 9,             ///< link: id = flight phase, extra = failsafe mode, v[0] = its cause
   refused = 10,         ///< agent or link: id = plan sequence, stamp = its state's, extra = reason
   state_taken = 11,     ///< agent: id = state sequence, stamp = the state's; out of link's ring
-  state_batched = 12,   ///< agent: id = state sequence, stamp = the state's, extra = frame number
-  call_endorsed = 13,   ///< agent: id = frame number; ground: id = call number; stamp = when it was submitted
+  state_batched = 12,   ///< agent: id = state sequence, stamp = the state's, extra = batch number
+  call_endorsed = 13,   ///< agent: id = batch number; ground: id = call number; stamp = when it was submitted
   call_ordered = 14,    ///< the same, when the orderer acknowledged it
   command_submitted = 15,  ///< ground: id = plan sequence, stamp = its state's, extra = call number
   command_in_block = 16,   ///< agent: id = plan sequence, stamp = its state's; when its block reached this host

@@ -138,12 +138,12 @@ fabric::EndorsementNeed command_need(const std::string& organisation) {
   return {fabric::EndorsementNeed::Count::one, organisation};
 }
 
-fabric::EndorsementNeed frame_need() { return {fabric::EndorsementNeed::Count::one}; }
+fabric::EndorsementNeed batch_need() { return {fabric::EndorsementNeed::Count::one}; }
 
 fabric::EndorsementNeed endorsement_need(std::string_view function) {
   using Count = fabric::EndorsementNeed::Count;
   if (function == contract::set) return {Count::two};
-  // What changes records that are there needs their keeper's peer alone: a second one must not hold it up.
+  // What changes records that are there needs their owner's peer alone: a second one must not hold it up.
   const bool makes_records = function == contract::enroll || function == contract::acquire ||
                              function == contract::hand_over || function == contract::anchor ||
                              function == contract::delete_;

@@ -51,17 +51,17 @@ Plan plan_of(DroneNumber drone, const DronePlan& asked);
 /// Functions that the contract does not have are not checked.
 Status check_event(const RequestedCall& call, std::string_view event_name, std::string_view event_payload);
 
-/// Whose endorsements a call of the contract needs: a command's that of the drones' organisation, a frame's that of
+/// Whose endorsements a call of the contract needs: a command's that of the drones' organisation, a batch's that of
 /// one's own, all others' those of two organisations, by their functions. A stop goes out with what there is.
 fabric::EndorsementNeed command_need(const std::string& organisation);
-fabric::EndorsementNeed frame_need();
+fabric::EndorsementNeed batch_need();
 fabric::EndorsementNeed endorsement_need(std::string_view function);
 
 /// The policy that a key of the contract has once it is there, for the keys whose names say whose they are; none: it
 /// has none, or the name does not say. For fabric::ContractRules.
 std::optional<std::string> likely_policy(std::string_view key);
-/// States and commands, by the key's name: agent goes by a command's sequence, ground by a state's stamp. For
-/// Of fabric::ContractRules.
+/// Whether the key holds states or commands, by its name: agent goes by a command's sequence, ground by a state's
+/// stamp. For fabric::ContractRules.
 bool is_of_hot_path(std::string_view key);
 
 /// A client of the contract asks those to endorse whose keys the call writes (endorsement_need, or the call itself),

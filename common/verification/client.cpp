@@ -1,6 +1,6 @@
 #include "common/fabric/client/client.hpp"
 #include "common/base/log.hpp"
-#include "common/fabric/calls/repeat.hpp"
+#include "common/fabric/client/submit_repeatedly.hpp"
 #include "common/msg/contract.hpp"
 #include "common/verification/calls.hpp"
 #include "ledgerline.pb.h"

@@ -10,7 +10,9 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
+#include "common/msg/stops.hpp"
 #include "common/verification/calls.hpp"
+#include "ground/core/manual.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -19,6 +21,7 @@ constexpr std::uint64_t sequence_gap = 1000;
 constexpr TimeNs new_enough_ns =
     200 * ns_per_ms;  // a state to make a plan from at once; agent takes none beyond 500 ms
 constexpr TimeNs note_again_ns = 1 * ns_per_s;
+constexpr std::size_t max_notes = 8;                         // of a drone in that time
 constexpr std::size_t max_kind = 64, max_alarm_words = 300;  // bytes in the log: agent's own are no longer
 
 }  // namespace
@@ -104,7 +107,32 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   stops_.submit(now_ns, leases_, next_id_, out.submissions);
   requests_.step(now_ns, leases_, next_id_, out.submissions, out.notes);
   if (outbox_ && !inputs.more) outbox_->submit(now_ns, next_id_, out);
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    if (!drones_[i]->diagnosis.is_due(now_ns)) continue;
+    const auto found = drones_[i]->diagnosis.update(now_ns, diagnose(now_ns, i));
+    if (!found) continue;
+    const std::string& name = config_.drones[i].name;
+    const Header header{inputs.realtime_s * ns_per_s, name + "/base_link"};
+    DroneUpdate& update = out.diagnoses.emplace_back();
+    update.drone = i;
+    update.diagnosis = diagnostic_to_cdr(header, name, found->level, found->words);
+  }
   return out;
+}
+
+Diagnosis::Finding FlightCore::diagnose(TimeNs now_ns, std::size_t index) const {
+  const Drone& drone = *drones_[index];
+  const FlightStatus& status = drone.status;
+  const Lease& lease = leases_.of(index);
+  if (is_stopped(lease.stoppers)) return {DiagnosticLevel::error, "stopped by " + stopper_names(lease.stoppers)};
+  if (status.phase == DronePhase::failed) return {DiagnosticLevel::error, status.why};
+  if (status.phase == DronePhase::waiting || (config_.manual && status.phase == DronePhase::landed)) {
+    const Status ready = drone.phases.check_ready(now_ns);
+    return ready ? Diagnosis::Finding{DiagnosticLevel::ok, "may take off"}
+                 : Diagnosis::Finding{DiagnosticLevel::warn, ready.error().message};
+  }
+  if (!status.why.empty()) return {DiagnosticLevel::warn, status.why};
+  return {DiagnosticLevel::ok, name_of(status.phase)};
 }
 
 void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out) {
@@ -130,15 +158,16 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
 }
 
 void FlightCore::on_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
-  std::size_t looked_at = out.news.size();
+  intake_.on_block(now_ns);
+  std::size_t looked_at = out.updates.size();
   for (const fabric::Transaction& tx : inputs.block->transactions) {
     if (!tx.problem.empty()) ++transactions_.transactions_unverified;
     if (tx.code != 0 || tx.config) continue;
     if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) continue;
     if (tx.event_name == contract::set) {
-      for (const StateIntake::New& one : intake_.read(tx, inputs.realtime_s, out.news))
+      for (const StateIntake::New& one : intake_.read(tx, inputs.realtime_s, out.updates))
         on_state(now_ns, one.drone, one.state, out);
-      for (; looked_at < out.news.size(); ++looked_at) on_alarm(out.news[looked_at], out);
+      for (; looked_at < out.updates.size(); ++looked_at) on_alarm(out.updates[looked_at], out);
     } else if (tx.event_name == contract::command) {
       if (outbox_) outbox_->on_block(now_ns, tx);
     } else if (verification::is_control_event(tx.event_name)) {
@@ -147,15 +176,15 @@ void FlightCore::on_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutpu
   }
 }
 
-void FlightCore::on_alarm(const DroneUpdate& news, FlightOutputs& out) {
-  if (news.alarm.empty()) return;
-  const auto alarms = alarms_from_cdr(news.alarm);
+void FlightCore::on_alarm(const DroneUpdate& update, FlightOutputs& out) {
+  if (update.alarm.empty()) return;
+  const auto alarms = alarms_from_cdr(update.alarm);
   if (!alarms) {
     ++transactions_.malformed;
     return;
   }
-  FlightStatus& status = drones_[news.drone]->status;
-  const std::string& name = config_.drones[news.drone].name;
+  FlightStatus& status = drones_[update.drone]->status;
+  const std::string& name = config_.drones[update.drone].name;
   ++status.alarms;
   const auto standing = std::ranges::find_if(*alarms, [](const Alarm& alarm) { return alarm.stands; });
   status.ledger_untrusted = standing != alarms->end();
@@ -210,6 +239,11 @@ void FlightCore::on_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOut
       out.notes.push_back(fmt::format("{}: {}", config_.drones[answer->drone].name, answer->problem));
   } else if (outbox_) {
     outbox_->on_outcome(now_ns, *inputs.outcome, inputs.outcome_id, out);
+    if (!inputs.outcome->refusal) return;
+    for (std::size_t i = 0; i < drones_.size(); ++i) {
+      if (fabric::names(*inputs.outcome->refusal, config_.drones[i].name))
+        drones_[i]->diagnosis.refuse(now_ns, inputs.outcome->message);
+    }
   }
 }
 
@@ -219,6 +253,7 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
   drone.commanded = true;
   const bool stop = command.stop || command.cut;
   if (stop) stops_.request(now_ns, command.drone, command.cut, command.by);
+  if (command.cut && drone.phases.in_air()) drone.status.cut_in_air = true;
   if (command.clear_stop && !stop) {
     const Status asked = is_on_ground(command.drone)
                              ? stops_.request_clear(now_ns, command.drone)
@@ -226,9 +261,11 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
     if (!asked) refuse(now_ns, command.drone, asked.error().message, out);
   }
   if (stop || command.land) {
-    const Status landed = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
-                                                             : config_.manual ? ""
-                                                                              : "landed by its pilot");
+    const crypto::IdentityName& who = command.by ? *command.by : config_.self;
+    const std::string why = stop             ? "stopped by " + who.msp_id + " " + who.subject
+                            : config_.manual ? ""
+                                             : "landed by its pilot";
+    const Status landed = drone.phases.land_by_pilot(now_ns, why, stop);
     // A stop comes from the ledger, no matter who flies.
     if (!landed && !stop) refuse(now_ns, command.drone, "no landing: " + landed.error().message, out);
   } else if (const Status ours = check_holder(command); !ours) {
@@ -256,6 +293,7 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
   counters.bad_values += command.bad_values;
   counters.malformed += command.malformed;
   counters.late += command.late;
+  if (command.bad_values > 0) add_note(now_ns, command.drone, "a velocity that no drone can fly: not flown", out);
   if (command.late > 0 && !command.velocity)
     add_note(now_ns, command.drone, "a velocity was held back on its way: not flown", out);
   if (!command.velocity) return;
@@ -264,6 +302,11 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
     add_note(now_ns, command.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
   if (drone.status.phase != DronePhase::manual) {
     ++counters.not_flying;
+    if (is_deliberate(*command.velocity, config_.controller))
+      add_note(
+          now_ns, command.drone,
+          fmt::format("a velocity of its pilot is not flown: its flight is in phase {}", name_of(drone.status.phase)),
+          out);
   } else {
     ++(drone.planner.manual().set_velocity(command.came_ns, *command.velocity) ? counters.velocities
                                                                                : counters.bad_values);
@@ -272,7 +315,7 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
 
 bool FlightCore::is_on_ground(std::size_t index) const {
   const IntakeState& seen = intake_.of(index);
-  return !is_flown(drones_[index]->status.phase) && seen.has_state && on_ground(seen.state.phase);
+  return !is_flown(drones_[index]->status.phase) && seen.has_state && ledgerline::is_on_ground(seen.state.phase);
 }
 
 Status FlightCore::check_holder(const PilotCommand& command) const {
@@ -283,16 +326,18 @@ Status FlightCore::check_holder(const PilotCommand& command) const {
   return Error{"its lease is held by " + holder_words(lease) + ": the holder's word counts"};
 }
 
-// Counted always, said once a second: a pilot's messages may come as fast as they like.
+// Counted always, each said once a second: a pilot's messages may come as fast as they like.
 void FlightCore::refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out) {
   ++drones_[index]->status.pilot.refused;
   add_note(now_ns, index, why, out);
 }
 
 void FlightCore::add_note(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out) {
-  Drone& drone = *drones_[index];
-  if (now_ns < drone.next_note_ns) return;
-  drone.next_note_ns = now_ns + note_again_ns;
+  auto& said = drones_[index]->notes;
+  std::erase_if(said, [&](const auto& one) { return one.second <= now_ns - note_again_ns; });
+  if (said.size() >= max_notes || std::ranges::find(said, why, &Note::first) != said.end()) return;
+  said.emplace_back(why, now_ns);
+  drones_[index]->diagnosis.refuse(now_ns, why);
   out.notes.push_back(fmt::format("{}: {}", config_.drones[index].name, why));
 }
 
@@ -318,7 +363,10 @@ bool FlightCore::done() const {
 
 bool FlightCore::ok() const {
   return std::ranges::all_of(drones_, [&](const auto& d) {
-    if (config_.manual) return d->status.phase != DronePhase::failed && d->status.why.empty();
+    // A person who flies by hand may end it by a stop as well, but not by a fall.
+    if (config_.manual)
+      return d->status.phase != DronePhase::failed && !d->status.cut_in_air &&
+             (d->status.why.empty() || is_landed_by_stop(d->status));
     return d->status.finished && d->status.phase == DronePhase::landed && d->status.why.empty();
   });
 }

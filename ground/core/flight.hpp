@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "ground/core/flight/command_outbox.hpp"
+#include "ground/core/flight/diagnosis.hpp"
 #include "ground/core/flight/phases.hpp"
 #include "ground/core/flight/plan_timing.hpp"
 #include "ground/core/flight/planner.hpp"
@@ -52,14 +53,13 @@ class FlightCore {
   FlightOutputs step(TimeNs now_ns, const FlightInputs& inputs);
 
   bool done() const;  ///< every drone landed or failed; manual: asked to end, and no drone is in the air; no stop waits
-  bool ok() const;    ///< every drone finished its path and landed; manual: nothing went wrong
+  bool ok() const;    ///< every drone finished its path and landed; manual: nothing went wrong, a stop aside
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
   const FlightStatus& status(std::size_t drone) const { return drones_.at(drone)->status; }
   const IntakeState& intake(std::size_t drone) const { return intake_.of(drone); }
   const Lease& lease(std::size_t drone) const { return leases_.of(drone); }
   const FlightConfig& config() const { return config_; }
-  double height_m() const { return config_.controller.height_m; }
   const FlightTransactions& transactions() const { return transactions_; }
   /// The round trip that plans are made for; the maximum over all drones.
   TimeNs delay_ns() const { return timing_.max_delay_ns(); }
@@ -69,6 +69,7 @@ class FlightCore {
   const PathController* controller(std::size_t drone) const { return drones_.at(drone)->planner.controller(); }
 
  private:
+  using Note = std::pair<std::string, TimeNs>;  ///< and when it was said
   struct Drone {
     Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const IntakeState& seen,
           const PlanTiming& timing);
@@ -78,19 +79,21 @@ class FlightCore {
     bool fresh = false;      ///< a state came with this step
     bool commanded = false;  ///< the pilot said something with this step
     bool slowed_said = false;
-    TimeNs next_note_ns = 0;
+    std::vector<Note> notes{};  ///< of the last second
+    Diagnosis diagnosis{};
     std::uint64_t next_sequence = 1;  ///< without a ledger
   };
 
   void on_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
-  void on_alarm(const DroneUpdate& news, FlightOutputs& out);
+  void on_alarm(const DroneUpdate& update, FlightOutputs& out);
   void on_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out);
   void lease_changed(TimeNs now_ns, const LeaseBook::Change& change);
   void on_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
   void on_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
   void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
-  /// As far as it is known: a drone of which nothing is heard is not.
+  Diagnosis::Finding diagnose(TimeNs now_ns, std::size_t index) const;
+  /// False while the drone's state is unknown, and while we fly it.
   bool is_on_ground(std::size_t index) const;
   /// The error says who holds the lease, where it is not who commands. Landings and stops are anybody's.
   Status check_holder(const PilotCommand& command) const;

@@ -33,10 +33,12 @@ enum class RequestRule { none, hand_over, deny };
 
 /// Time-outs of a drone's phases; each ends in landing, or in failure where there is nothing to land.
 struct PhaseLimits {
-  TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease
-  TimeNs takeoff_ns = 25 * ns_per_s;  ///< until it hovers at the origin
-  TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
-  TimeNs silence_ns = 5 * ns_per_s;   ///< no state at all while flying; a ledger may be choosing a new leader
+  TimeNs wait_ns = 30 * ns_per_s;          ///< for the first state with a pose, on the ground, under our lease
+  TimeNs takeoff_ns = 25 * ns_per_s;       ///< until it hovers at the origin
+  TimeNs settle_ns = 8 * ns_per_s;         ///< the part of it that is spent on settling at the origin
+  TimeNs silence_ns = 5 * ns_per_s;        ///< no state at all while flying; a ledger may be choosing a new leader
+  TimeNs warn_silence_ns = 1 * ns_per_s;   ///< in the log, and
+  TimeNs alarm_silence_ns = 2 * ns_per_s;  ///< as an alarm; both are longer where the channel cuts blocks late
   TimeNs landing_ns = 20 * ns_per_s;
   double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
 };
@@ -134,12 +136,14 @@ struct DroneUpdate {
   std::string odometry, battery;  ///< of the state's moment; not every state brings a battery
   std::string transitions;        ///< of the failsafe
   std::string alarm;              ///< why its agent does not or did not trust the ledger
+  std::string diagnosis;          ///< what ground itself says of it
 };
 
 struct FlightOutputs {
   std::vector<Submission> submissions;
   std::vector<TraceRecord> traces;
-  std::vector<DroneUpdate> news;
+  std::vector<DroneUpdate> updates;
+  std::vector<DroneUpdate> diagnoses;  ///< no block's, but to publish as well
   std::vector<std::string> notes;  ///< for the log: what a pilot asked for and did not get; a path that is flown slower
   std::vector<Plan> plans;         ///< without a ledger: straight to link
 };
@@ -178,6 +182,8 @@ struct FlightStatus {
   double lap_m = 0;                 ///< of one lap, as flown: with rounded corners; 0: no path
   std::array<TimeNs, 2> path_ns{};  ///< when the path began and ended; the drone's clock; 0: not yet
   std::string why;                  ///< what went wrong
+  bool landed_by_stop = false;      ///< `why` is somebody's stop
+  bool cut_in_air = false;          ///< its motors, by a pilot of this ground
   PilotCounters pilot;
   double limit_mps = 0;                 ///< the latency-aware limit now; 0: none known, or no prediction
   std::optional<double> slowed_to_mps;  ///< the least limit that was below the speed asked for
@@ -188,9 +194,14 @@ struct FlightStatus {
   CommandCounters commands;
 };
 
+/// Somebody's stop has landed it, and nothing else went wrong.
+inline bool is_landed_by_stop(const FlightStatus& status) {
+  return status.phase == DronePhase::landed && status.landed_by_stop;
+}
+
 struct FlightTransactions {
   std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
-  std::uint64_t malformed = 0;          ///< frames and states that are none
+  std::uint64_t malformed = 0;          ///< batches, states and alarms that cannot be read
   std::uint64_t states_unverified = 0;  ///< states not signed by the drone's owner; control events
   std::uint64_t altered = 0;            ///< events not as their signer asked for, records that follow from nothing
   std::uint64_t transactions_unverified = 0;  ///< not what their flags say (fabric::Transaction::problem)
@@ -211,10 +222,11 @@ struct DroneTopic {
   bool of_all = false;    ///< one topic of this name for all drones
   std::string_view type;
   bool latched = false;  ///< who comes late still gets the last ones
-  /// Its message as CDR; empty where the news have none. An error: what the ledger has is no such message.
-  Result<std::string> (*make)(const DroneUpdate& news, const std::string& drone);
+  /// Its message as CDR; empty where the update has none. An error: what the ledger has is no such message.
+  Result<std::string> (*make)(const DroneUpdate& update, const std::string& drone);
+  bool newest_alone = false;  ///< a writer for each drone, and who comes late gets its newest; else the last ten
 };
-extern const std::array<DroneTopic, 7> drone_topics;
+extern const std::array<DroneTopic, 8> drone_topics;
 std::string topic_of(const DroneTopic& topic, const std::string& drone);
 
 /// What ground hears from ROS 2, in the names of the Tello's driver for ROS 2, and stop.

@@ -12,7 +12,7 @@ namespace ledgerline::ground {
 /// whatever its channel. Refers to the cores, which must outlive it. One thread, theirs.
 class FlightView {
  public:
-  struct Place {
+  struct DroneSlot {
     std::size_t channel = 0, drone = 0;  ///< the drone's index in that channel's core
   };
 
@@ -22,29 +22,28 @@ class FlightView {
   FlightView(std::vector<const FlightCore*> cores, const std::vector<std::size_t>& channel_of)
       : cores_(std::move(cores)), drone_of_(cores_.size()) {
     for (const std::size_t channel : channel_of) {
-      places_.push_back({channel, drone_of_[channel].size()});
+      slots_.push_back({channel, drone_of_[channel].size()});
       drone_of_[channel].push_back(drones_.size());
-      drones_.push_back(core_of(drones_.size()).drones()[places_.back().drone]);
+      drones_.push_back(core_of(drones_.size()).drones()[slots_.back().drone]);
     }
   }
 
   const std::vector<FlightDrone>& drones() const { return drones_; }
-  Place place(std::size_t drone) const { return places_[drone]; }
+  DroneSlot slot(std::size_t drone) const { return slots_[drone]; }
   /// The other way round.
-  std::size_t drone_at(Place place) const { return drone_of_[place.channel][place.drone]; }
+  std::size_t drone_at(DroneSlot slot) const { return drone_of_[slot.channel][slot.drone]; }
   std::size_t channels() const { return cores_.size(); }
   const FlightCore& of_channel(std::size_t channel) const { return *cores_[channel]; }
 
   /// The name of the drone's channel.
   const std::string& channel_of(std::size_t drone) const { return core_of(drone).config().where.channel; }
 
-  const FlightStatus& status(std::size_t drone) const { return core_of(drone).status(places_[drone].drone); }
-  const IntakeState& intake(std::size_t drone) const { return core_of(drone).intake(places_[drone].drone); }
-  const Lease& lease(std::size_t drone) const { return core_of(drone).lease(places_[drone].drone); }
-  const PathController* controller(std::size_t drone) const { return core_of(drone).controller(places_[drone].drone); }
+  const FlightStatus& status(std::size_t drone) const { return core_of(drone).status(slots_[drone].drone); }
+  const IntakeState& intake(std::size_t drone) const { return core_of(drone).intake(slots_[drone].drone); }
+  const Lease& lease(std::size_t drone) const { return core_of(drone).lease(slots_[drone].drone); }
+  const PathController* controller(std::size_t drone) const { return core_of(drone).controller(slots_[drone].drone); }
   /// What is the same for all flights: all but drones, `where` and `trusted`.
   const FlightConfig& config() const { return cores_.front()->config(); }
-  double height_m() const { return cores_.front()->height_m(); }
 
   bool done() const { return all(&FlightCore::done); }
   bool ok() const { return all(&FlightCore::ok); }
@@ -62,13 +61,13 @@ class FlightView {
   }
 
  private:
-  const FlightCore& core_of(std::size_t drone) const { return *cores_[places_[drone].channel]; }
+  const FlightCore& core_of(std::size_t drone) const { return *cores_[slots_[drone].channel]; }
   bool all(bool (FlightCore::*is)() const) const {
     return std::ranges::all_of(cores_, [&](const FlightCore* core) { return (core->*is)(); });
   }
 
   std::vector<const FlightCore*> cores_;
-  std::vector<Place> places_;
+  std::vector<DroneSlot> slots_;
   std::vector<std::vector<std::size_t>> drone_of_;  ///< for each channel
   std::vector<FlightDrone> drones_;
 };

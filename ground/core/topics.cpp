@@ -15,47 +15,51 @@ Result<std::string> as_it_is(const std::string& message, Read read) {
   return message;
 }
 
-Result<std::string> odometry(const DroneUpdate& news, const std::string&) {
-  return as_it_is(news.odometry, odometry_from_cdr);
+Result<std::string> odometry(const DroneUpdate& update, const std::string&) {
+  return as_it_is(update.odometry, odometry_from_cdr);
 }
 
 template <typename Make>
-Result<std::string> from_odometry(const DroneUpdate& news, Make make) {
-  if (news.odometry.empty()) return nothing;
-  const auto odometry = odometry_from_cdr(news.odometry);
+Result<std::string> from_odometry(const DroneUpdate& update, Make make) {
+  if (update.odometry.empty()) return nothing;
+  const auto odometry = odometry_from_cdr(update.odometry);
   if (!odometry) return odometry.error();
   return make(*odometry);
 }
 
-Result<std::string> pose(const DroneUpdate& news, const std::string&) {
-  return from_odometry(news, [](const Odometry& o) {
+Result<std::string> pose(const DroneUpdate& update, const std::string&) {
+  return from_odometry(update, [](const Odometry& o) {
     return to_cdr(PoseStamped{o.header, o.position_m, o.orientation});
   });
 }
 
-Result<std::string> transform(const DroneUpdate& news, const std::string&) {
-  return from_odometry(news, [](const Odometry& o) {
+Result<std::string> transform(const DroneUpdate& update, const std::string&) {
+  return from_odometry(update, [](const Odometry& o) {
     return to_cdr(std::vector<TransformStamped>{{o.header, o.child_frame_id, o.position_m, o.orientation}});
   });
 }
 
-Result<std::string> battery(const DroneUpdate& news, const std::string&) {
-  return as_it_is(news.battery, battery_from_cdr);
+Result<std::string> battery(const DroneUpdate& update, const std::string&) {
+  return as_it_is(update.battery, battery_from_cdr);
 }
 
-Result<std::string> imu(const DroneUpdate& news, const std::string& drone) {
-  if (!news.state || !news.state->sdk_state_fresh) return nothing;
-  const auto& [roll, pitch, yaw] = news.state->attitude_rad;
-  const auto& a = news.state->acceleration_mps2;
+Result<std::string> imu(const DroneUpdate& update, const std::string& drone) {
+  if (!update.state || !update.state->sdk_state_fresh) return nothing;
+  const auto& [roll, pitch, yaw] = update.state->attitude_rad;
+  const auto& a = update.state->acceleration_mps2;
   return to_cdr(
-      Imu{{news.real_ns, drone + "/base_link"}, quaternion_from_attitude(roll, pitch, yaw), {a[0], a[1], a[2]}});
+      Imu{{update.real_ns, drone + "/base_link"}, quaternion_from_attitude(roll, pitch, yaw), {a[0], a[1], a[2]}});
 }
 
-Result<std::string> diagnostics(const DroneUpdate& news, const std::string&) {
-  return as_it_is(news.transitions, transitions_from_cdr);
+Result<std::string> diagnostics(const DroneUpdate& update, const std::string&) {
+  return as_it_is(update.transitions, transitions_from_cdr);
 }
 
-Result<std::string> alarm(const DroneUpdate& news, const std::string&) { return as_it_is(news.alarm, alarms_from_cdr); }
+Result<std::string> alarm(const DroneUpdate& update, const std::string&) {
+  return as_it_is(update.alarm, alarms_from_cdr);
+}
+
+Result<std::string> diagnosis(const DroneUpdate& update, const std::string&) { return update.diagnosis; }
 
 void velocity(std::string_view cdr, TimeNs came_ns, PilotCommand& command) {
   const auto twist = twist_from_cdr(cdr);
@@ -77,14 +81,16 @@ void say(std::string_view, TimeNs, PilotCommand& command) {
 
 }  // namespace
 
-const std::array<DroneTopic, 7> drone_topics{{
+const std::array<DroneTopic, 8> drone_topics{{
     {"/odom", false, odometry_type, false, odometry},
     {"/pose", false, pose_type, false, pose},
     {"/tf", true, transforms_type, false, transform},
     {"/battery", false, battery_type, false, battery},
     {"/imu", false, imu_type, false, imu},
     {"/diagnostics", true, transitions_type, true, diagnostics},
-    {"/diagnostics", true, alarms_type, true, alarm},  // a writer of its own: who comes late gets the last ones of both
+    // Writers of their own: who comes late gets the last ones of each.
+    {"/diagnostics", true, transitions_type, true, diagnosis, true},
+    {"/diagnostics", true, alarms_type, true, alarm},
 }};
 
 const std::array<PilotTopic, 5> pilot_topics{{

@@ -30,7 +30,7 @@ Status only(const nlohmann::json& object, std::initializer_list<std::string_view
 /// {"x":1,"y":0,"z":1.2,"speed":0.5}, z and speed if they are there. What of it cannot be flown is for others to say.
 Result<motion::Waypoint> waypoint_from(const nlohmann::json& given);
 
-/// The text of it. Words that are no UTF-8, which a drone's agent may have sent, are no reason to say nothing.
+/// JSON text. Invalid UTF-8, which a drone's agent may have sent, is replaced instead of failing.
 std::string dump(const nlohmann::json& value);
 
 /// "hover" or "land": whether it lands behind a path.

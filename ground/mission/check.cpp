@@ -105,13 +105,8 @@ bool Check::check_presence(const MissionDrone& drone, const DroneNow& now) {
 }
 
 void Check::check_fence(const std::string& drone, std::optional<std::size_t> waypoint, const Eigen::Vector3d& at_m) {
-  const auto low = Eigen::Vector3d::Map(config_.fence->min_m.data());
-  const auto high = Eigen::Vector3d::Map(config_.fence->max_m.data());
-  if ((at_m.array() >= low.array()).all() && (at_m.array() <= high.array()).all()) return;
-  add(drone, waypoint,
-      fmt::format("{}{:g}, {:g}, {:g} m is beyond the fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} m",
-                  waypoint ? "" : "its start ", at_m.x(), at_m.y(), at_m.z(), low.x(), high.x(), low.y(), high.y(),
-                  low.z(), high.z()));
+  const std::string problem = fence_problem(*config_.fence, at_m);
+  if (!problem.empty()) add(drone, waypoint, (waypoint ? "" : "its start ") + problem);
 }
 
 void Check::check_way(const MissionDrone& drone, const Eigen::Vector3d& here_m) {
@@ -249,6 +244,13 @@ std::vector<Finding> Check::of(const Mission& mission) {
 }
 
 }  // namespace
+
+std::string fence_problem(const Fence& fence, const Eigen::Vector3d& at_m) {
+  const auto low = Eigen::Vector3d::Map(fence.min_m.data()), high = Eigen::Vector3d::Map(fence.max_m.data());
+  if ((at_m.array() >= low.array()).all() && (at_m.array() <= high.array()).all()) return "";
+  return fmt::format("{:g}, {:g}, {:g} m is beyond the fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} m",
+                     at_m.x(), at_m.y(), at_m.z(), low.x(), high.x(), low.y(), high.y(), low.z(), high.z());
+}
 
 std::vector<Finding> check(const Mission& mission, const CheckConfig& config, std::span<const DroneNow> now) {
   return Check(config, now).of(mission);

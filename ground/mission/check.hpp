@@ -35,7 +35,7 @@ inline DroneNow drone_now(const FlightView& core, std::size_t drone) {
   DroneNow now{core.drones()[drone].name,
                status.phase,
                seen.has_state,
-               seen.has_state && on_ground(state.phase),
+               seen.has_state && is_on_ground(state.phase),
                status.paused,
                seen.has_state && state.mode == FailsafeMode::brake,
                status.paths,
@@ -68,6 +68,8 @@ struct Fence {
   std::array<double, 3> min_m{-20, -20, 0};
   std::array<double, 3> max_m{20, 20, 3};
 };
+/// "4, 0, 1 m is beyond the fence: ..."; empty: it is within.
+std::string fence_problem(const Fence& fence, const Eigen::Vector3d& at_m);
 
 struct CheckConfig {
   ControllerConfig flight{};     ///< as the drones will be flown: speed, height, limits
@@ -97,10 +99,9 @@ struct Finding {
 /// - bounds (check_bounds), names, phases, poses and starts; each waypoint within motion::max_distance_m of where its
 ///   drone is, and of every other one, since a pause may end anywhere between them;
 /// - fence: each waypoint and each start in it, so each way between them, too;
-/// - battery: (takeoff_s + the timetable's time + height at the end / landing_mps) / battery_endurance_s +
-/// battery_reserve
-///   of it must be there. A hovering multirotor needs about as much power as a slow one (Leishman: Principles of
-///   Helicopter Aerodynamics, 5.5), so time alone counts;
+/// - battery: (takeoff_s + the timetable's time + height at the end / landing_mps) / battery_endurance_s
+///   + battery_reserve of it must be there. A hovering multirotor needs about as much power as a slow one (Leishman:
+///   Principles of Helicopter Aerodynamics, 5.5), so time alone counts;
 /// - corridors: each pair of drones apart at all times (Corridor). Where they stand counts, with the column up to
 ///   takeoff_height_m; the way from there, and where they hover or land at the end.
 ///

@@ -41,7 +41,7 @@ struct RunEvent {
 struct RunOutputs {
   std::vector<PilotCommand> commands;  ///< for FlightCore's next step
   std::vector<RunEvent> events;
-  bool changed = false;  ///< saved() is another than after the step before
+  bool changed = false;  ///< saved() changed since the last step
 };
 
 /// How far a drone of a mission is.

@@ -60,8 +60,8 @@ class Predictor {
   const Eigen::Vector3d& drift_mps() const { return drift_; }
   const Response& response() const { return response_; }
 
-  /// The model, running ahead of time. It is always one dead time further than the sent velocity it was given: nothing
-  /// sent later can change that.
+  /// The model, running ahead of time. The motion is always one dead time ahead of the last velocity given: nothing
+  /// sent later can change it.
   class Rollout {
    public:
     const Motion& effect() const { return motion_; }  ///< its stamp: sent_until_ns() + dead time
@@ -80,7 +80,8 @@ class Predictor {
     Eigen::Vector3d sent_ = Eigen::Vector3d::Zero();
     Motion motion_;
   };
-  /// As it will stand when a setpoint that says `meant_ns` is about to be flown: link does so `late_ns` later.
+  /// As it will stand when a setpoint that says `meant_ns` is about to be flown: link flies it later by its playout's
+  /// margin.
   Rollout until(TimeNs meant_ns) const;
 
  private:

@@ -41,7 +41,7 @@ class ResponseEstimator {
   /// A measured position at its time; times must grow. `sent(t)`: horizontal velocity that the drone was sent, for
   /// times up to now. After a gap of more than 0.2 s the fit goes on with what comes after it.
   void add(TimeNs stamp_ns, const Eigen::Vector2d& position_m, const std::function<Eigen::Vector2d(TimeNs)>& sent);
-  /// What is remembered of positions is of another flight.
+  /// Forgets the positions so far, as after a pause or a jump: no window reaches across it. What was learned stays.
   void interrupt() { points_.clear(); }
 
   const Response& response() const { return response_; }

@@ -9,8 +9,6 @@
 
 #include "common/base/result.hpp"
 
-/// Waypoints as comma-separated text: what every such file has in common. Pure; any thread.
-
 namespace ledgerline::ground::motion {
 
 enum class Shape { square, triangle, x, eight };
@@ -90,6 +88,8 @@ struct OpenPath {
 /// From `here` through all waypoints of `way` (check_way() allows it), which are in metres of the map. Closer than 1 cm
 /// to the first waypoint, the path begins at that. On the way there the first waypoint's own limit of speed holds.
 OpenPath open_path(const Waypoint& here, const std::vector<Waypoint>& way);
+
+// What every file of comma-separated waypoints has in common.
 
 /// The lines of a text that say something, one after the other: without comments (`#`), blanks around them, a carriage
 /// return, and a byte order mark before the first.

@@ -2,7 +2,7 @@
 
 import { BatteryTime, timeLeft } from './look/battery.js';
 import { Control } from './operators/control.js';
-import { isStopped, nameOf, whyNotMine } from './operators/rules.js';
+import { isStopped, nameOf, replyOf, whyNotMine } from './operators/rules.js';
 
 export const LATE_MS = 300;
 export const STALE_MS = 1000;
@@ -15,9 +15,10 @@ export const FLYING = ['takeoff', 'path', 'manual', 'landing'];
 /// Those that only the holder may ask, where operators sign in; to land and to stop it is anybody's.
 const HOLDERS = ['takeoff', 'pause', 'return'];
 
-/// [the button, when it can be asked, else why not]
+/// [the button, when it can be asked, else why not]. Why a button is grey is also in operators/rules.js and missions/words.js;
+/// what the station itself refuses, in its own words, in phase_problem() of ground/service/core/api.cpp.
 const ACTIONS = {
-  takeoff: ['Take off', (drone) => !FLYING.includes(drone.phase), 'is in the air already'],
+  takeoff: ['Take off', (drone) => !FLYING.includes(drone.phase), 'is in the air already: land it first'],
   land: ['Land', (drone) => FLYING.includes(drone.phase), 'is not in the air'],
   stop: ['Stop', () => true, ''],
   pause: ['Pause', (drone) => drone.paused || drone.phase === 'path', 'flies no path that could be paused'],
@@ -115,7 +116,8 @@ class Card {
     const said = what === 'resume' ? 'Resume' : label;
     this.reply(`${said}: sent`);
     const answer = what === 'stop' || what === 'land' ? await this.#connection.bringDown(what, this.name) : await this.#connection.request('POST', `drones/${encodeURIComponent(this.name)}/${what}`);
-    return this.reply(`${said}: ${answer.words}`);
+    // Why nothing comes of it may have come before this answer.
+    return answer.ok && this.#fields.reply.textContent !== `${said}: sent` ? undefined : this.reply(`${said}: ${answer.words}`);
   }
 
   /// Says what came of something, for a while.
@@ -153,14 +155,17 @@ class Card {
     this.#age(fields.state, drone.has_state ? state : { words: 'none yet', level: 'none' });
     this.#age(fields.command, command);
     const calm = drone.mode === 'none';
-    put(fields.failsafe, calm ? 'not active' : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`);
+    const warning = calm && FLYING.includes(drone.phase) && drone.cause_words ? `; ${drone.cause_words}` : '';
+    const failsafe = calm ? `not active${warning}` : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`;
+    put(fields.failsafe, !drone.has_state ? '–' : this.fresh ? failsafe : `▲ unknown now; last: ${failsafe}`);
     fields.failsafe.classList.toggle('bad', !calm);
+    fields.failsafe.classList.toggle('warn', calm && (warning !== '' || !this.fresh));
     this.#control.show(drone, FLYING.includes(drone.phase), this.fresh);
     const high = drone.height_m === null ? '' : `; ${fixed(drone.height_m, 1)} m high by its own sensor`;
     put(fields.place, drone.position ? `${drone.position.map((each) => fixed(each, 2)).join(', ')} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s` : `no pose${high}`);
     this.#optional('stopped', (drone.stopped_by ?? []).map((each) => nameOf(each, this.#who)).join(', '));
     fields.stopped.title = (drone.stopped_by ?? []).join('; ');
-    this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps.toFixed(1)} m/s`);
+    this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps.toFixed(2)} m/s`);
     fields.limit.classList.toggle('warn', drone.limit_mps < this.#connection.hello.speed_mps);
     this.#optional('why', [drone.why, drone.ledger_untrusted ? 'the ledger is not trusted' : ''].filter(Boolean).join('; '));
     for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.#whyNot(what, drone) !== null);
@@ -222,10 +227,11 @@ export class Fleet {
     if (!this.drone && drones.length) this.select(drones[0].name);
   }
 
-  /// What came of this operator's calls is said on the drone's card, too.
+  /// What came of a request is said on the drone's card, too.
   hear(events) {
-    for (const { drone, text, level } of events) {
-      if (this.#who.operator && text.startsWith(`${this.#who.operator}: `)) this.#cards.get(drone)?.reply(`${text}${level === 'info' ? ': done' : ''}`);
+    for (const event of events) {
+      const words = replyOf(event, this.#who);
+      if (words) this.#cards.get(event.drone)?.reply(words);
     }
   }
 

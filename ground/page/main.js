@@ -11,7 +11,7 @@ import { SpaceSwitch } from './look/space.js';
 import { bindKeys, flyByKeys, Hand } from './keys.js';
 import { PlanView } from './map.js';
 import { Missions } from './missions/panel.js';
-import { isOurs, named, nameOf, whyNotMine } from './operators/rules.js';
+import { isOurs, isStopped, named, nameOf, whyNotMine } from './operators/rules.js';
 import { closeDialogs, Operators } from './operators/session.js';
 import { flyByGamepad, flyByTouch } from './pads.js';
 import { StopAll } from './stop.js';
@@ -75,7 +75,7 @@ let keysOn = true;
 let linkWords = 'Not connected';
 let delayMs = null;
 let blockAt = 0; // when the newest block came, or the connection
-const SILENT_LEDGER_MS = 3000; // drones' states alone make many blocks a second; of the channel of [ledger]
+const SILENT_LEDGER_MS = 2000; // drones' states alone make many blocks a second; of the channel of [ledger]
 let stationMs = () => 0; // the station's clock
 
 const inManual = () => connection.hello.manual && fleet.drone?.phase === 'manual';
@@ -133,8 +133,6 @@ connection.addEventListener('hello', async ({ detail: hello }) => {
   blockAt = performance.now();
   blocks.restart();
   hand.speed_mps = connection.hello.speed_mps;
-  map.fence = connection.hello.fence;
-  at('fence-help').hidden = map.fence === null;
   await operators.load();
   missions.refresh();
   const answer = await connection.request('GET', 'events?since=0');
@@ -146,6 +144,8 @@ function takeState(said, now) {
   const drones = said.map(cleaned);
   fleet.update(drones, now);
   map.update(drones, now);
+  map.fence = drones.some((drone) => drone.position) ? connection.hello.fence : null; // without a pose there is no map
+  at('fence-help').hidden = map.fence === null;
   stopAll.update(drones);
 }
 connection.addEventListener('state', ({ detail }) => {
@@ -206,7 +206,7 @@ function showFlying() {
     : !connection.hello.manual ? 'This flight is not flown by hand: keys and pads do nothing.'
       : !drone ? 'No drone is selected.'
         : stopAll.pending ? 'Stopping: keys and pads do nothing.'
-          : others ?? (!inManual() ? `${drone.name} cannot be flown by hand now: ${drone.phase === 'path' ? 'it is on its path' : FLYING.includes(drone.phase) ? 'wait' : 'take off first'}.`
+          : others ?? (!inManual() ? `${drone.name} cannot be flown by hand now: ${drone.phase === 'path' ? 'it is on its path' : FLYING.includes(drone.phase) ? 'wait' : isStopped(drone) ? 'it is stopped: clear the stop first' : 'take off first'}.`
             : hand.flown ? `Flying ${drone.name}. Let go to hover.` : `Hold a key${document.body.classList.contains('touch') ? ' or a pad' : ''} to fly ${drone.name} at ${hand.speed_mps} m/s. Let go to hover.`);
   put(at('fly-words'), words);
   put(at('keys-on'), keysOn ? 'Keys: on' : 'Keys: off');
@@ -237,3 +237,4 @@ setInterval(async () => {
 }, 500);
 
 connection.start(takeToken());
+addEventListener('hashchange', () => location.reload()); // a new flight's address, entered where the page is open

@@ -15,7 +15,7 @@ export class PlanView {
   selected = null;
   draft = [];
   previews = []; // [{drone, path, begins}]: what missions fly, z may be null; `begins`: from where the drone is
-  fence = null; // {min_m, max_m}: what missions are checked against
+  fence = null; // {min_m, max_m} of missions and paths
   cursor = null; // where the keyboard's cross stands while drawing
   onplace = () => {};
   onpick = () => {};

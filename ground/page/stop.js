@@ -10,6 +10,9 @@ function stepsOf(drone) {
   return { 'on ledger': drone.stopped_by?.length > 0, landing: drone.phase === 'landing', 'on ground': down };
 }
 
+/// Every stop was on the ledger, and is not any more.
+const isCleared = (drones, rows) => rows.size > 0 && [...rows.values()].every(({ done }) => done.has('on ledger')) && !drones.some((drone) => drone.stopped_by?.length > 0);
+
 export class StopAll {
   #connection;
   #nameOf;
@@ -27,10 +30,13 @@ export class StopAll {
     this.#connection = connection;
     this.#nameOf = nameOf;
     document.getElementById('stop-all').addEventListener('click', () => this.stop());
-    document.getElementById('stop-close').addEventListener('click', () => {
-      this.#panel.hidden = true;
-      document.getElementById('stop-all').focus();
-    });
+    document.getElementById('stop-close').addEventListener('click', () => this.#close());
+  }
+
+  #close() {
+    const held = this.#panel.contains(document.activeElement);
+    this.#panel.hidden = true;
+    if (held) document.getElementById('stop-all').focus();
   }
 
   get open() {
@@ -75,6 +81,7 @@ export class StopAll {
         if (done) this.#mark(drone.name, step, step === 'on ledger' ? `: ${drone.stopped_by.map(this.#nameOf).join(', ')}` : '');
       }
     }
+    if (!this.pending && isCleared(drones, this.#rows)) this.#close();
   }
 
   get pending() {

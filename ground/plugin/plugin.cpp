@@ -1,4 +1,4 @@
-#include "ground/core/follower.hpp"
+#include "ground/plugin/plugin.hpp"
 
 #include <dlfcn.h>
 #include <fmt/format.h>

@@ -52,13 +52,14 @@ class Channel {
   Status connection() const { return blocks_.connection(); }
   /// Reads the drones' control records; behind the stream's start.
   Status read_controls();
-  /// Whether the core is to have the block; else it waits here, or comes again with on_controls().
+  /// True: pass the block to the core. False: it waits here, and on_controls() returns it.
   Result<bool> on_block(const fabric::Block& block);
   /// The blocks that waited for the records: they come next.
   Result<std::vector<fabric::Block>> on_controls(const ControlsRead& read);
   /// The outcome is put.
   void submit(Submission submission);
-  /// Ends everything that puts; what is in flight is put as unavailable. Call it before what `put` needs is gone.
+  /// Ends all that calls `put`; calls in flight are put as unavailable before it returns. Call it before destroying
+  /// what `put` uses.
   void close();
   /// What becomes of a submission that somebody else signs.
   std::function<void(fabric::Outcome)> on_end(const Submission& submission) const;

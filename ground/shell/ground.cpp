@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/fabric/calls/repeat.hpp"
+#include "common/fabric/client/submit_repeatedly.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/retry.hpp"
 #include "ledgerline.pb.h"
@@ -69,9 +69,9 @@ std::vector<std::unique_ptr<Channel>> Ground::open_channels(std::vector<Channel:
   for (std::size_t i = 0; i < parts.size(); ++i) {
     std::string label = parts.size() > 1 ? fmt::format("channel {}: ", parts[i].flight.where.channel) : "";
     channels.push_back(
-        std::make_unique<Channel>(std::move(parts[i]), std::move(label), [this, i](Channel::Update news) {
-          const bool is_block = std::holds_alternative<fabric::Block>(news);
-          Inbox::OfChannel event{i, std::move(news)};
+        std::make_unique<Channel>(std::move(parts[i]), std::move(label), [this, i](Channel::Update update) {
+          const bool is_block = std::holds_alternative<fabric::Block>(update);
+          Inbox::ChannelUpdate event{i, std::move(update)};
           is_block ? inbox_.put_in_turn(std::move(event)) : inbox_.put(std::move(event));
         }));
   }
@@ -130,13 +130,13 @@ Status Ground::open_operators(const service::ServiceSettings& settings,
   auto keys = OperatorService::create({.folder = settings.operators,
                                        .ledgers = ledgers,
                                        .drones = names_,
-                                       .channel_of = [this](std::size_t drone) { return view_.place(drone).channel; },
+                                       .channel_of = [this](std::size_t drone) { return view_.slot(drone).channel; },
                                        .clear_ground_stop =
                                            [this](std::size_t channel, const fabric::Call& call) {
                                              return fabric::submit_repeatedly(channels_[channel]->urgent(), call,
                                                                               clear_limits, nullptr);
                                            },
-                                       .tell = std::bind_front(&Ground::post_event, this),
+                                       .report = std::bind_front(&Ground::post_event, this),
                                        .on_session =
                                            [this](std::size_t who, bool in) {
                                              inbox_.put(Inbox::SessionChange{who, in});
@@ -168,7 +168,7 @@ void Ground::open_missions(service::MissionSettings settings) {
                      const service::OperatorCall& call) { return operators_->keys().submit(who, call); },
       .signed_in = [this](std::size_t who) { return !operators_ || !operators_->has_left(who); },
       .post_command = [this](const PilotCommand& one) { inbox_.post_command(one); },
-      .tell =
+      .report =
           [this](Level level, const std::string& drone, const std::string& words) {
             spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}{}{}", drone,
                         drone.empty() ? "" : ": ", words);
@@ -183,6 +183,7 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
   const FlightConfig& flight = view_.config();
   const service::Greeting greeting{.manual = flight.manual,
                                    .speed_mps = flight.controller.speed_mps,
+                                   .height_m = flight.controller.height_m,
                                    .cmd_timeout_ns = flight.cmd_timeout_ns,
                                    .fence = missions.check.fence};
   station_ = std::make_unique<Station>(view_, names_, ledgers.front().identity.in_use);
@@ -190,15 +191,15 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
   if (!settings.operators.empty()) {
     if (Status opened = open_operators(settings, ledgers); !opened) return opened;
   }
-  service::Server::Behind behind{
+  service::Server::Handlers handlers{
       .take = [this](const PilotCommand& one) { return command(one); },
       .keys = operators_ ? &operators_->keys() : nullptr,
       .request_mission =
           [this](service::MissionRequest asked, std::function<void(service::ApiAnswer)> answer) {
             request_mission(std::move(asked), std::move(answer));
           },
-      .tell = [this](Level level, std::string words) { post_event(level, "", std::move(words)); }};
-  return station_->open(settings, greeting, std::move(behind), std::bind_front(&Ground::post_event, this));
+      .report = [this](Level level, std::string words) { post_event(level, "", std::move(words)); }};
+  return station_->open(settings, greeting, std::move(handlers), std::bind_front(&Ground::post_event, this));
 }
 
 void Ground::post_event(Level level, const std::string& drone, std::string words) {
@@ -218,19 +219,20 @@ void Ground::request_mission(service::MissionRequest asked, std::function<void(s
   missions_->request(std::move(asked), std::move(answer));
 }
 
-Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightInputs& inputs) {
+Status Ground::dispatch(std::size_t index, const Channel::Update& update, FlightInputs& inputs) {
   Channel& channel = *channels_[index];
-  if (const auto* block = std::get_if<fabric::Block>(&news)) {
+  if (const auto* block = std::get_if<fabric::Block>(&update)) {
     const auto now = channel.on_block(*block);
     if (!now) return now.error();
     if (!*now) return done;
     inputs.block = block;
     ends_.add(*block);
     if (operators_) operators_->on_block(index, *block);
+    if (station_) station_->show_changes_of(*block);
     if (index > 0) return done;  // missions are approved on the channel of [ledger], whose blocks the page shows
     if (station_) station_->add_block(*block);
     if (missions_) missions_->on_block(*block);
-  } else if (const auto* ended = std::get_if<Channel::Ended>(&news)) {
+  } else if (const auto* ended = std::get_if<Channel::Ended>(&update)) {
     inputs.outcome = &ended->outcome;
     inputs.outcome_id = ended->id;
     if (!ended->outcome.unheard.empty() && monotonic_ns() >= next_unheard_log_ns_) {
@@ -243,21 +245,21 @@ Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightIn
       spdlog::warn("{}a command did not get through (block {}, code {}): {}", channel.label(), ended->outcome.block,
                    ended->outcome.code, ended->outcome.message);
     }
-  } else if (const auto* read = std::get_if<Channel::ControlsRead>(&news)) {
+  } else if (const auto* read = std::get_if<Channel::ControlsRead>(&update)) {
     auto held = channel.on_controls(*read);
     if (!held) return held.error();
     // The blocks that waited come next, before any that came behind them.
     std::vector<Inbox::Event> next;
-    for (fabric::Block& each : *held) next.push_back(Inbox::OfChannel{index, std::move(each)});
+    for (fabric::Block& each : *held) next.push_back(Inbox::ChannelUpdate{index, std::move(each)});
     inbox_.put_first(std::move(next));
   }
   return done;
 }
 
 Status Ground::dispatch(const Inbox::Event& event, std::vector<FlightInputs>& inputs) {
-  if (const auto* of = std::get_if<Inbox::OfChannel>(&event)) {
+  if (const auto* of = std::get_if<Inbox::ChannelUpdate>(&event)) {
     if (lost_[of->channel]) return done;
-    const Status opened = dispatch(of->channel, of->news, inputs[of->channel]);
+    const Status opened = dispatch(of->channel, of->update, inputs[of->channel]);
     if (opened || channels_.size() == 1) return opened;
     fail_channel(of->channel, opened.error());
     return done;
@@ -281,9 +283,9 @@ void Ground::fail_channel(std::size_t channel, const Error& why) {
 std::vector<std::vector<PilotCommand>> Ground::split(const std::vector<PilotCommand>& commands) const {
   std::vector<std::vector<PilotCommand>> of_each(channels_.size());
   for (const PilotCommand& command : commands) {
-    const FlightView::Place place = view_.place(command.drone);
-    of_each[place.channel].push_back(command);
-    of_each[place.channel].back().drone = place.drone;
+    const FlightView::DroneSlot slot = view_.slot(command.drone);
+    of_each[slot.channel].push_back(command);
+    of_each[slot.channel].back().drone = slot.drone;
   }
   return of_each;
 }
@@ -318,14 +320,17 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     }
     if (operators_) operators_->step(now_ns);
     report_certificate_ends(now_ns);
-    if (station_) station_->show(now_ns);
+    if (station_) station_->show(monotonic_ns());
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
   if (output_.status_period_ns > 0) write_status(monotonic_ns());
   flying_ = false;  // from here on the page is answered that nothing flies
   if (station_) station_->end();
   if (auto status = write_summary(); !status) return status.error();
-  return view_.ok();
+  const bool ok = view_.ok();
+  if (const std::string why = view_.why(); !why.empty())
+    spdlog::log(ok ? spdlog::level::info : spdlog::level::err, "{}", why);
+  return ok;
 }
 
 void Ground::step(std::vector<FlightInputs> inputs) {
@@ -337,7 +342,10 @@ void Ground::step(std::vector<FlightInputs> inputs) {
     for (std::string& note : out.notes) notes.push_back(std::move(note));
   }
   for (const std::string& note : notes) spdlog::warn("{}", note);
-  if (station_) station_->update(notes);
+  if (station_) return station_->update(notes);
+  for (const service::Event& event : board_.update(monotonic_ns(), view_, {})) {
+    if (event.level == Level::alarm) spdlog::error("{}: {}", event.drone, event.text);
+  }
 }
 
 void Ground::act(std::size_t index, FlightOutputs& out) {
@@ -349,9 +357,11 @@ void Ground::act(std::size_t index, FlightOutputs& out) {
     channel.submit(std::move(submission));
   }
   recorder_.add(out.traces);
-  for (DroneUpdate& news : out.news) {
-    news.drone = view_.drone_at({index, news.drone});
-    topics_.publish(news);
+  for (auto* updates : {&out.updates, &out.diagnoses}) {
+    for (DroneUpdate& update : *updates) {
+      update.drone = view_.drone_at({index, update.drone});
+      topics_.publish(update);
+    }
   }
 }
 
@@ -359,9 +369,9 @@ ShellCounters Ground::losses_of(std::size_t channel) const {
   ShellCounters counters;
   counters.pilots.assign(view_.of_channel(channel).drones().size(), {});
   for (std::size_t i = 0; i < names_.size(); ++i) {
-    const FlightView::Place place = view_.place(i);
-    if (place.channel != channel) continue;
-    counters.pilots[place.drone] = topics_.losses(i);
+    const FlightView::DroneSlot slot = view_.slot(i);
+    if (slot.channel != channel) continue;
+    counters.pilots[slot.drone] = topics_.losses(i);
     counters.news_unpublished += topics_.unpublished(i);
   }
   counters.confirmed_after_ms = channels_[channel]->confirmed_after_ms();

@@ -58,9 +58,10 @@ class Ground {
   /// One of several.
   void fail_channel(std::size_t channel, const Error& why);
   Status wait_for_block_streams(const std::atomic<bool>& quit);
-  /// What of an event is for the cores, whose inputs these are; an error ends the flight.
+  /// Puts a channel's update into its core's inputs; other events go to the page or the operators' sessions. An error
+  /// ends the flight.
   Status dispatch(const Inbox::Event& event, std::vector<FlightInputs>& inputs);
-  Status dispatch(std::size_t channel, const Channel::Update& news, FlightInputs& inputs);
+  Status dispatch(std::size_t channel, const Channel::Update& update, FlightInputs& inputs);
   /// Of each channel, its drones as its core has them.
   std::vector<std::vector<PilotCommand>> split(const std::vector<PilotCommand>& commands) const;
   void step(std::vector<FlightInputs> inputs);
@@ -79,6 +80,7 @@ class Ground {
   const std::vector<std::string> names_;  ///< of the drones
   Recorder recorder_;
   RosTopics topics_;
+  service::Board board_;  ///< where there is no page: its alarms are in the log all the same
   TimeNs next_status_ns_ = 0, next_unheard_log_ns_ = 0;
   service::CertificateEnds ends_;
   TimeNs next_ends_ns_ = 0;

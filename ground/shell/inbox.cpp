@@ -42,7 +42,7 @@ void Inbox::put_first(std::vector<Event> events) {
 bool Inbox::has_more_for(std::size_t channel) {
   if (events_.empty()) events_ = mailbox_.pop_all();
   return std::ranges::any_of(events_, [&](const Event& event) {
-    const auto* of = std::get_if<OfChannel>(&event);
+    const auto* of = std::get_if<ChannelUpdate>(&event);
     return !of || of->channel == channel;
   });
 }

@@ -16,9 +16,9 @@ namespace ledgerline::ground {
 /// command. put(), put_in_turn(), post_command() and wake(): any thread; the rest: the flight's.
 class Inbox {
  public:
-  struct OfChannel {
+  struct ChannelUpdate {
     std::size_t channel;
-    Channel::Update news;
+    Channel::Update update;
   };
   /// What an operator's call came to, or what else people should know.
   struct Report {
@@ -31,7 +31,7 @@ class Inbox {
     std::size_t who;
     bool in;
   };
-  using Event = std::variant<OfChannel, Report, SessionChange>;
+  using Event = std::variant<ChannelUpdate, Report, SessionChange>;
 
   void put(Event event) { mailbox_.put(std::move(event)); }
   /// The same; the caller waits while the mailbox is full, so that a stream slows down.

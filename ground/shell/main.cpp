@@ -75,10 +75,13 @@ int fly(Config& config) {
   std::vector<ground::Channel::Parts> parts;
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     fabric::ClientConfig& own = (*ledgers)[i];
-    if (const auto longer_ns = fabric::apply_timeouts(own); !longer_ns) return fail(longer_ns.error());
+    const auto longer_ns = fabric::apply_timeouts(own);
+    if (!longer_ns) return fail(longer_ns.error());
     if (const Status s = endorser::start_own_endorser(within, own); !s) return fail(s.error(), exit_usage);
-    auto made = make_channel(config, ground::flight_of_channel(flight, channels.of_drone, i), own,
-                             fabric::file_of_channel(checkpoint, channels, i));
+    ground::FlightConfig of_channel = ground::flight_of_channel(flight, channels.of_drone, i);
+    of_channel.limits.warn_silence_ns += *longer_ns;
+    of_channel.limits.alarm_silence_ns += *longer_ns;
+    auto made = make_channel(config, std::move(of_channel), own, fabric::file_of_channel(checkpoint, channels, i));
     if (!made) return fail(made.error(), exit_usage);
     parts.push_back(std::move(*made));
   }
@@ -120,7 +123,8 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +
-    R"(Exit codes: 0 every drone finished its path and landed; 1 not so; 2 bad usage or config)";
+    R"(Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong), while a stop ends
+a flight along a path with 1; 1 not so; 2 bad usage or config)";
 
 }  // namespace
 

@@ -238,7 +238,7 @@ void MissionService::anchor(const MissionRequest& asked, const Answer& answer) {
                        [this, words = service::words_of(call)](const fabric::Outcome& outcome) {
                          if (outcome.kind == fabric::Outcome::Kind::committed) return;
                          later([this, words, why = outcome.message] {
-                           parts_.tell(Level::warning, "", fmt::format("{}: refused: {}", words, why));
+                           parts_.report(Level::warning, "", fmt::format("{}: refused: {}", words, why));
                          });
                        });
   answer({202, accepted});
@@ -264,7 +264,7 @@ void MissionService::step(TimeNs now) {
   if (book_.busy()) {
     service::MissionBook::Outputs out = book_.step(now, parts_.core);
     for (const PilotCommand& command : out.commands) parts_.post_command(command);
-    for (const mission::RunEvent& event : out.events) parts_.tell(event.level, event.drone, event.text);
+    for (const mission::RunEvent& event : out.events) parts_.report(event.level, event.drone, event.text);
     for (const std::string& id : out.kept) save(id);
     for (const std::string& id : out.ended) write_record(id);
     for (const std::string& id : out.awaiting_check)

@@ -6,6 +6,7 @@
 
 #include "common/fabric/client/client.hpp"
 #include "common/rt/mailbox.hpp"
+#include "common/rt/retry.hpp"
 #include "common/rt/workers.hpp"
 #include "ground/service/missions/approvals.hpp"
 #include "ground/service/missions/book.hpp"
@@ -25,7 +26,7 @@ class MissionService {
     std::function<Status(std::size_t who, const service::OperatorCall& call)> sign;
     std::function<bool(std::size_t who)> signed_in;  ///< on the flight's thread
     std::function<void(const PilotCommand& command)> post_command;
-    std::function<void(Level level, const std::string& drone, const std::string& words)> tell;
+    std::function<void(Level level, const std::string& drone, const std::string& words)> report;
     std::function<void(std::string list)> publish;  ///< [MISSION...]
     std::function<void()> wake;                     ///< the flight's thread shall step()
   };
@@ -77,9 +78,9 @@ class MissionService {
   Parts parts_;
   service::MissionBook book_;
   const service::ApprovalTerms terms_;
-  std::int64_t period_ = 0;                                    ///< of approvals, as looked at last
-  service::Unread unread_;                                     ///< whose signers could not be read
-  service::RateLimiter all_again_{service::Unread::again_ns};  ///< all signers are read, since roles have changed
+  std::int64_t period_ = 0;                           ///< of approvals, as looked at last
+  service::Unread unread_;                            ///< whose signers could not be read
+  RateLimiter all_again_{service::Unread::again_ns};  ///< all signers are read, since roles have changed
   Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker
   std::deque<Task> waiting_;  ///< taken out of it
   std::atomic<bool> closed_{false};

@@ -118,8 +118,8 @@ void OperatorService::sign(std::size_t who, const OperatorCall& call) {
   const std::string& name = operators_[who].name;
   const Status may = service::check_key({.unlocked = !clients.of_channel.empty(), .left = clients.left}, call.kind);
   if (!may) {
-    service::CallUpdate refused = service::news_of(name, call, may.error().message);
-    return parts_.tell(refused.level, drone, std::move(refused.words));
+    service::CallUpdate refused = service::update_of(name, call, may.error().message);
+    return parts_.report(refused.level, drone, std::move(refused.words));
   }
   const fabric::Call contract = service::contract_call(call, drone, parts_.ledgers.front().identity.name);
   // A mission is approved on the channel of [ledger], whatever those of its drones.
@@ -132,8 +132,8 @@ void OperatorService::sign(std::size_t who, const OperatorCall& call) {
     spdlog::info("operator {} clears ground's own stop of {}", name, drone);
     outcome = parts_.clear_ground_stop(channel, contract);
   }
-  service::CallUpdate news = service::news_of(name, call, outcome);
-  parts_.tell(news.level, drone, std::move(news.words));
+  service::CallUpdate update = service::update_of(name, call, outcome);
+  parts_.report(update.level, drone, std::move(update.words));
 }
 
 OperatorService::Clients OperatorService::clients_of(std::size_t who) const {

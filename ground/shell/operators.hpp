@@ -9,10 +9,12 @@
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/mailbox.hpp"
+#include "common/rt/retry.hpp"
 #include "common/rt/workers.hpp"
 #include "common/verification/control_records.hpp"
 #include "ground/service/core/api.hpp"
 #include "ground/service/missions/approvals.hpp"
+#include "ground/service/operators/ended_sessions.hpp"
 #include "ground/service/operators/sign_ins.hpp"
 #include "ground/service/shell/server.hpp"
 
@@ -32,7 +34,7 @@ class OperatorService final : public service::OperatorKeys {
     /// Clears ground's own stop, signed by ground, on that channel; waits for what comes of it. On the worker.
     std::function<fabric::Outcome(std::size_t channel, const fabric::Call& call)> clear_ground_stop;
     /// What became of a call; `drone`: its name, empty: of none. On a thread of the service.
-    std::function<void(service::Level level, const std::string& drone, std::string words)> tell;
+    std::function<void(service::Level level, const std::string& drone, std::string words)> report;
     /// A session began (true), or is over. On the thread that says so.
     std::function<void(std::size_t who, bool in)> on_session;
   };
@@ -63,7 +65,7 @@ class OperatorService final : public service::OperatorKeys {
   };
   struct Clients {
     std::vector<Pair> of_channel;  ///< empty: the key is locked
-    bool left = false;             ///< the session is over: of what still waits releases alone are signed
+    bool left = false;             ///< the session ended: of the waiting calls only releases are signed
   };
 
   explicit OperatorService(Parts parts) : parts_(std::move(parts)) {}
@@ -105,7 +107,7 @@ class RoleWatch {
 
  private:
   const Parts parts_;
-  service::RateLimiter wanted_{gap_ns};
+  RateLimiter wanted_{gap_ns};
   bool is_reading_ = false;
   std::vector<std::size_t> dismissed_;
   std::atomic<bool> closed_{false};

@@ -8,15 +8,18 @@ namespace {
 
 constexpr TimeNs warning_gap_ns = ns_per_s;
 
+bool has_one_writer(const DroneTopic& topic) { return topic.of_all && !topic.newest_alone; }
+
 }  // namespace
 
 Status RosTopics::open_writers() {
   for (const DroneTopic& topic : drone_topics) {
     writers_.emplace_back();
     for (const std::string& drone : drones_) {
-      if (topic.of_all && !writers_.back().empty()) continue;
-      auto writer = dds::RawWriter::create(participant_, topic_of(topic, drone), std::string(topic.type),
-                                           {.transient_local = topic.latched});
+      if (has_one_writer(topic) && !writers_.back().empty()) continue;
+      dds::Qos qos{.transient_local = topic.latched};
+      if (topic.newest_alone) qos.depth = 1;
+      auto writer = dds::RawWriter::create(participant_, topic_of(topic, drone), std::string(topic.type), qos);
       if (!writer) return writer.error();
       writers_.back().push_back(std::move(writer).value());
     }
@@ -24,15 +27,16 @@ Status RosTopics::open_writers() {
   return done;
 }
 
-void RosTopics::publish(const DroneUpdate& news) {
-  const std::string& drone = drones_[news.drone];
+void RosTopics::publish(const DroneUpdate& update) {
+  const std::string& drone = drones_[update.drone];
   for (std::size_t i = 0; i < drone_topics.size(); ++i) {
     const DroneTopic& topic = drone_topics[i];
-    const auto message = topic.make(news, drone);
+    const auto message = topic.make(update, drone);
     Status published = message ? done : Status(message.error());
-    if (message && !message->empty()) published = writers_[i][topic.of_all ? 0 : news.drone].publish(*message);
+    if (message && !message->empty())
+      published = writers_[i][has_one_writer(topic) ? 0 : update.drone].publish(*message);
     if (published) continue;
-    ++unpublished_[news.drone];
+    ++unpublished_[update.drone];
     if (monotonic_ns() < next_warning_ns_) continue;
     next_warning_ns_ = monotonic_ns() + warning_gap_ns;
     spdlog::warn("{}: {}", topic_of(topic, drone), published.error().message);

@@ -22,7 +22,7 @@ class RosTopics {
       : participant_(std::move(participant)), drones_(std::move(drones)), unpublished_(drones_.size()) {}
 
   Status open_writers();
-  void publish(const DroneUpdate& news);
+  void publish(const DroneUpdate& update);
 
   /// A message of that drone's topic; on a thread of DDS.
   using OnMessage = std::function<void(std::size_t drone, const PilotTopic& topic, std::string_view cdr)>;

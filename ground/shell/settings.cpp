@@ -8,7 +8,7 @@
 #include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/core/flight_types.hpp"
-#include "ground/core/follower.hpp"
+#include "ground/plugin/plugin.hpp"
 #include "ground/shell/path_file.hpp"
 
 namespace ledgerline::ground {
@@ -163,7 +163,7 @@ OutputSettings output_settings(Config& config) {
   output.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
   output.summary = config.text({"output.summary", "JSON file of all counts, written at the end"}, "");
   output.status_period_ns =
-      config.integer({"output.status_period_ms", "between JSON status lines on standard output; 0: none"}, 250, 0,
+      config.integer({"output.status_period_ms", "between JSON status lines on standard output; 0: none"}, 0, 0,
                      60'000) *
       ns_per_ms;
   return output;
@@ -235,10 +235,9 @@ service::MissionSettings mission_settings(Config& config) {
                                          : mission::AfterRestart::hover;
   mission::CheckConfig& check = settings.check;
   mission::Fence fence;
-  const auto low =
-      config.numbers({"mission.fence_min_m",
-                      "corner of the box that missions are checked against, as link's fence.min_m", "not checked"},
-                     3, {});
+  const auto low = config.numbers(
+      {"mission.fence_min_m", "corner of the box for missions and pilots' paths, as link's fence.min_m", "not checked"},
+      3, {});
   const auto high = config.numbers({"mission.fence_max_m", "its other corner", "not checked"}, 3, {});
   if (low.size() != high.size()) config.wrong("mission.fence_min_m", "must be there with fence_max_m");
   if (low.size() == 3 && high.size() == 3) {
@@ -310,7 +309,7 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
          {"lap_s", status.lap_s},
          {"lap_m", status.lap_m},
          {"origin", status.origin_m},
-         {"height_m", core.height_m()},
+         {"height_m", core.config().controller.height_m},
          {"alarms", status.alarms},
          {"ledger_untrusted", status.ledger_untrusted},
          {"states_received", status.states_received},

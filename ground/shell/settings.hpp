@@ -13,9 +13,9 @@
 namespace ledgerline::ground {
 
 struct OutputSettings {
-  std::string trace;                          ///< file; empty: none
-  std::string summary;                        ///< file; empty: none
-  TimeNs status_period_ns = 250 * ns_per_ms;  ///< JSON lines on standard output; 0: none
+  std::string trace;            ///< file; empty: none
+  std::string summary;          ///< file; empty: none
+  TimeNs status_period_ns = 0;  ///< JSON lines on standard output; 0: none
 };
 
 /// Reads [flight] and [[drone]]; what is wrong comes with config.finish().

@@ -7,7 +7,7 @@
 #include "common/crypto/crypto.hpp"
 #include "ground/core/flight_view.hpp"
 #include "ground/service/core/board.hpp"
-#include "ground/service/operators/sign_ins.hpp"
+#include "ground/service/core/drone_queries.hpp"
 #include "ground/service/shell/fault_service.hpp"
 #include "ground/service/shell/server.hpp"
 
@@ -22,9 +22,9 @@ class Station {
       : view_(view), names_(std::move(drones)), self_(std::move(self)), refusals_(names_) {}
   ~Station() { close(); }
 
-  /// Opens the server; `tell_fault`: on the thread that switches faults.
+  /// Opens the server; `report_fault`: on the thread that switches faults.
   Status open(const service::ServiceSettings& settings, const service::Greeting& greeting,
-              service::Server::Behind behind, service::FaultService::Tell tell_fault);
+              service::Server::Handlers handlers, service::FaultService::Report report_fault);
   /// No fault is switched any more; the server stays until the end.
   void close();
   std::string url() const { return server_->url(); }
@@ -32,6 +32,8 @@ class Station {
   void add_event(Level level, const std::string& drone, std::string words);
   /// How a call of the contract's `function` ended.
   void add_outcome(std::string_view function, const fabric::Outcome& outcome) { refusals_.add(function, outcome); }
+  /// Soon, where the block may have changed a record of control: it decides what the next order is answered.
+  void show_changes_of(const fabric::Block& block);
   void add_block(const fabric::Block& block);
   void publish_missions(std::string list) { server_->publish_missions(std::move(list)); }
   /// These operators may sign nothing any more.
@@ -51,7 +53,7 @@ class Station {
   service::Refusals refusals_;
   std::vector<service::Event> unshown_;                ///< of the board, not handed to the server yet
   std::vector<service::BlockSummary> unshown_blocks_;  ///< likewise; at most max_reported_blocks
-  TimeNs next_show_ns_ = 0;
+  TimeNs next_show_ns_ = 0, shown_ns_ = 0;
   std::unique_ptr<service::FaultService> faults_;  ///< null: none are switched here
   std::unique_ptr<service::Server> server_;
 };

@@ -9,8 +9,8 @@
 
 #include "common/base/text.hpp"
 #include "common/process/children.hpp"
-#include "ground/core/follower.hpp"
-#include "hil/fault/real/real.hpp"
+#include "ground/plugin/plugin.hpp"
+#include "hil/fault/real/real_run.hpp"
 #include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {

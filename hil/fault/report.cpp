@@ -4,14 +4,17 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "common/base/enum_count.hpp"
 #include "common/base/text.hpp"
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
 #include "common/rt/histogram.hpp"
+#include "hil/fault/run/metrics.hpp"
 
 namespace ledgerline::hil {
 
@@ -88,12 +91,13 @@ json timeline_json(const std::vector<TimelinePoint>& points) {
 }  // namespace
 
 std::string broken_text(const RunResult& result) {
+  std::vector<Verdict> broken = result.verdicts;
+  std::erase_if(broken, &Verdict::held);
+  std::ranges::stable_sort(broken, {}, &Verdict::broken_ns);
   std::string text;
-  for (const Verdict& verdict : result.verdicts) {
-    if (!verdict.held)
-      text +=
-          fmt::format("  broke at {:.3f} s: {}: {}\n", to_seconds(verdict.broken_ns), verdict.rule.text, verdict.what);
-  }
+  for (const Verdict& verdict : broken)
+    text +=
+        fmt::format("  broke at {:.3f} s: {}: {}\n", to_seconds(verdict.broken_ns), verdict.rule.text, verdict.what);
   return text;
 }
 
@@ -168,7 +172,48 @@ std::string junit_text(const std::vector<RunResult>& results, const std::vector<
   return text + "</testsuite>\n";
 }
 
-std::string html_text(const std::vector<RunResult>& results) {
+std::string counted(std::size_t count, std::string_view what) {
+  return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
+}
+
+std::vector<BrokenRule> by_rule(const std::vector<RunSummary>& all) {
+  std::map<std::string, std::pair<std::size_t, std::set<std::string>>> broken;  // runs, scripts
+  for (const RunSummary& run : all) {
+    for (const std::string& rule : run.broken) {
+      ++broken[rule].first;
+      broken[rule].second.insert(run.script);
+    }
+  }
+  std::vector<BrokenRule> rules;
+  for (const auto& [rule, where] : broken) rules.push_back({rule, where.first, where.second.size()});
+  std::ranges::stable_sort(rules, std::ranges::greater(), &BrokenRule::runs);
+  return rules;
+}
+
+std::string by_rule_text(const std::vector<RunSummary>& all) {
+  std::string text;
+  for (const BrokenRule& one : by_rule(all))
+    text += fmt::format("  {} of {} broke: {}\n", counted(one.runs, "run"), counted(one.scripts, "script"), one.rule);
+  return text;
+}
+
+std::string csv_text(const std::vector<RunSummary>& all) {
+  std::string text = "script,seed,mode,held,flown_s,broken";
+  for (const MetricKind& kind : metric_kinds()) text += fmt::format(",{}", kind.name);
+  for (const RunSummary& run : all) {
+    std::string broken = fmt::format("{}", fmt::join(run.broken, "; "));
+    std::ranges::replace(broken, '"', '\'');
+    text += fmt::format("\n\"{}\",{},{},{},{:.3f},\"{}\"", run.script, run.seed, run.mode, run.broken.empty(),
+                        to_seconds(run.flown_ns), broken);
+    for (const MetricKind& kind : metric_kinds()) {
+      const auto figure = run.figures.find(kind.name);
+      text += figure == run.figures.end() ? "," : fmt::format(",{}", figure->second);
+    }
+  }
+  return text + "\n";
+}
+
+std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all) {
   json runs = json::array();
   for (const RunResult& result : results) {
     json run = run_json(result);
@@ -178,7 +223,11 @@ std::string html_text(const std::vector<RunResult>& results) {
     run["drones"] = drones;
     runs.push_back(run);
   }
+  json rules = json::array();
+  for (const BrokenRule& one : by_rule(all))
+    rules.push_back({{"rule", one.rule}, {"runs", one.runs}, {"scripts", one.scripts}});
   std::string page = page::filled(fault_template, "@DATE@", page::local_date());
+  page = page::filled(page, "@RULES@", page::for_script(rules));
   return page::filled(page, "@DATA@", page::for_script(runs));
 }
 

@@ -38,7 +38,22 @@ std::string json_text(const std::vector<RunResult>& results, const std::vector<R
 /// What was not flown is an error, or skipped.
 std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
                        const std::vector<NotFlown>& not_flown = {});
-/// One page with everything in it: each run's verdicts and timeline.
-std::string html_text(const std::vector<RunResult>& results);
+/// One page with everything in it: each run's verdicts and timeline, and by_rule() of `all`.
+std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
+/// A line for each run: script, seed, mode, held, flown_s, the broken rules, then each figure.
+std::string csv_text(const std::vector<RunSummary>& all);
+
+/// In how many runs, and of how many scripts, a rule broke.
+struct BrokenRule {
+  std::string rule;
+  std::size_t runs = 0, scripts = 0;
+};
+/// Those that broke, in most runs first.
+std::vector<BrokenRule> by_rule(const std::vector<RunSummary>& all);
+/// "  12 runs of 3 scripts broke: RULE", a line for each.
+std::string by_rule_text(const std::vector<RunSummary>& all);
+
+/// "1 drone", "2 drones".
+std::string counted(std::size_t count, std::string_view what);
 
 }  // namespace ledgerline::hil

@@ -1,9 +1,11 @@
-#include "hil/fault/script.hpp"
+#include "hil/fault/scenarios.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <filesystem>
+
+#include "common/base/nearest_word.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -12,6 +14,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* installed_folder = "share/ledgerline/scenarios";
 constexpr const char* source_folder = "hil/scenarios";
+constexpr const char* whole_library = "all";
 constexpr int max_levels = 4;  // from build/PRESET up to the tree
 
 bool is_folder(const fs::path& path) {
@@ -19,16 +22,19 @@ bool is_folder(const fs::path& path) {
   return fs::is_directory(path, error);
 }
 
-/// A scenario, or all of a group.
-std::optional<std::vector<std::string>> in_library(const std::string& name, const std::string& folder) {
+/// A scenario, all of a group, or the whole library.
+Result<std::vector<std::string>> in_library(const std::string& name, const std::string& folder) {
   const auto files = scripts_in(folder);
-  if (!files) return std::nullopt;
-  std::vector<std::string> found;
-  for (const std::string& file : *files) {
-    if (name_of_script(file) == name || group_of(file, folder) == name) found.push_back(file);
+  std::vector<std::string> found, known;
+  for (const std::string& file : files ? *files : std::vector<std::string>()) {
+    known.insert(known.end(), {name_of_script(file), group_of(file, folder)});
+    if (name == whole_library || name_of_script(file) == name || group_of(file, folder) == name) found.push_back(file);
   }
-  if (found.empty()) return std::nullopt;
-  return found;
+  if (!found.empty()) return found;
+  const std::string near = nearest_word(name, known);
+  return Error{
+      fmt::format("there is no file {}, and no scenario or group of this name in {} ({}`ledgerline fault list`)", name,
+                  folder, near.empty() ? "" : fmt::format("did you mean {}? ", near))};
 }
 
 }  // namespace
@@ -71,10 +77,7 @@ Result<std::vector<std::string>> scripts_named(const std::vector<std::string>& n
       const auto folder = scenario_folder(prefix);
       if (!folder) return Error{fmt::format("there is no file {}, and {}", name, folder.error().message)};
       const auto found = in_library(name, *folder);
-      if (!found)
-        return Error{
-            fmt::format("there is no file {}, and no scenario or group of this name in {} (`ledgerline fault list`)",
-                        name, *folder)};
+      if (!found) return found.error();
       files.insert(files.end(), found->begin(), found->end());
     }
   }

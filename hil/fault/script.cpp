@@ -180,12 +180,13 @@ void which_tello(Config& config, const std::string& folder, WorldConfig& flight)
                                         "one; the seed says where it begins"},
                                        "");
   if (!wifi.empty()) {
-    auto day = wifi == "crowded" ? Result<Day>(crowded_day())
-                                 : read_day(wifi.front() == '/' || folder.empty() ? wifi : folder + "/" + wifi);
-    if (day)
-      flight.wifi = Impairment::RecordedLink{*day, wifi, 0};
+    auto recording = wifi == "crowded"
+                         ? Result<std::shared_ptr<const LinkRecording>>(crowded_link())
+                         : read_link_recording(wifi.front() == '/' || folder.empty() ? wifi : folder + "/" + wifi);
+    if (recording)
+      flight.wifi = Impairment::RecordedLink{*recording, wifi, 0};
     else
-      config.wrong("flight.wifi", day.error().message);
+      config.wrong("flight.wifi", recording.error().message);
   }
   flight.battery = config.number({"flight.battery", "of every drone at the start, as a share"}, flight.battery, 0, 1);
   flight.keeps_rc = config.boolean(

@@ -12,18 +12,18 @@
 
 namespace ledgerline::hil {
 
-/// Upper bound of every delay, set or drawn: a longer draw is cut to it.
+/// Upper bound of every delay, set or drawn [ns]: a longer draw is cut to it.
 inline constexpr TimeNs max_delay = 60 * ns_per_s;
 
-/// How durations are distributed: plain data that may be copied and shared. Every draw is from 0 to max_delay; what
-/// a formula gives outside is cut to that.
+/// How durations [ns] are distributed: plain data that may be copied and shared. Every draw is from 0 to max_delay;
+/// what a formula gives outside is cut to that.
 struct Distribution {
   enum class Kind { constant, uniform, normal, gamma, recorded };
   Kind kind = Kind::constant;
-  TimeNs a = 0;  ///< constant: the value; uniform: the least; normal and gamma: the mean
-  TimeNs b = 0;  ///< uniform: the most; normal and gamma: the standard deviation
+  TimeNs a = 0;  ///< [ns] constant: the value; uniform: the least; normal and gamma: the mean
+  TimeNs b = 0;  ///< [ns] uniform: the most; normal and gamma: the standard deviation
   using Recording = std::shared_ptr<const std::vector<TimeNs>>;
-  Recording values;  ///< recorded: in the order of the recording; never empty
+  Recording values;  ///< [ns] recorded: in the order of the recording; never empty
   std::string file;  ///< recorded: for text_of()
 
   static Distribution constant(TimeNs value) { return {Kind::constant, value, 0, nullptr, {}}; }

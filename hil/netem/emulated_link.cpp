@@ -28,22 +28,22 @@ Status EmulatedLink::set(const Impairment& impairment) {
   }
   if (impairment.loss != impairment_.loss) bad_ = false;
   if (impairment.rate != impairment_.rate) rate_free_at_ = 0;
-  if (impairment.recorded_day != impairment_.recorded_day) day_begins_.reset();
+  if (impairment.recorded_link != impairment_.recorded_link) recording_begins_.reset();
   impairment_ = impairment;
   return done;
 }
 
-void EmulatedLink::begin_day(TimeNs now) {
-  if (impairment_.recorded_day && !day_begins_) day_begins_ = now - impairment_.recorded_day->offset_ns;
+void EmulatedLink::begin_recording(TimeNs now) {
+  if (impairment_.recorded_link && !recording_begins_) recording_begins_ = now - impairment_.recorded_link->offset_ns;
 }
 
-RecordedDay::Delivery EmulatedLink::fate(TimeNs now) const {
-  if (!impairment_.recorded_day) return {};
-  return impairment_.recorded_day->day->at(now - *day_begins_);
+LinkRecording::Delivery EmulatedLink::recorded_delivery(TimeNs now) const {
+  if (!impairment_.recorded_link) return {};
+  return impairment_.recorded_link->recording->at(now - *recording_begins_);
 }
 
 void EmulatedLink::push(TimeNs now, std::string_view bytes, std::uint64_t tag) {
-  begin_day(now);
+  begin_recording(now);
   if (kind_ == Kind::datagrams) return push_datagram(now, std::string(bytes), tag);
   const std::size_t most = impairment_.rate ? piece_bytes : std::max<std::size_t>(1, bytes.size());
   do {
@@ -55,7 +55,7 @@ void EmulatedLink::push(TimeNs now, std::string_view bytes, std::uint64_t tag) {
 void EmulatedLink::push_datagram(TimeNs now, std::string bytes, std::uint64_t tag) {
   ++counts_.pushed;
   counts_.bytes_in += bytes.size();
-  const RecordedDay::Delivery recorded = fate(now);
+  const LinkRecording::Delivery recorded = recorded_delivery(now);
   if (impairment_.partition || is_lost() || recorded.lost) {
     ++counts_.lost;
     return;
@@ -101,7 +101,7 @@ void EmulatedLink::push_piece(TimeNs now, std::string_view bytes, std::uint64_t 
   }
   if (impairment_.delay) due += draws_[delay].next(*impairment_.delay);
   if (impairment_.jitter) due += draws_[jitter].next(*impairment_.jitter);
-  due += fate(now).delay_ns;
+  due += recorded_delivery(now).delay_ns;
   due = in_order_ = std::max(due, in_order_);
   bytes_ += bytes.size();
   units_.emplace(std::pair(due, next_number_++), Unit{std::string(bytes), tag});
@@ -118,7 +118,7 @@ std::size_t EmulatedLink::room(TimeNs now) const {
 }
 
 std::optional<EmulatedLink::Unit> EmulatedLink::pop(TimeNs now) {
-  begin_day(now);
+  begin_recording(now);
   if (const auto due = next_due(); !due || *due > now) return std::nullopt;
   auto node = units_.extract(units_.begin());
   ++counts_.delivered;

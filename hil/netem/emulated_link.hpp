@@ -22,7 +22,7 @@ inline std::optional<TimeNs> earlier(std::optional<TimeNs> a, std::optional<Time
 struct EmulatedLinkCounts {
   std::uint64_t pushed = 0, delivered = 0;  ///< datagrams; of a stream: pieces
   std::uint64_t bytes_in = 0, bytes_out = 0;
-  std::uint64_t lost = 0;     ///< by loss, a recorded day or partition
+  std::uint64_t lost = 0;     ///< by loss, a recorded link or partition
   std::uint64_t no_room = 0;  ///< dropped by the rate's queue or the link's own bounds
   std::uint64_t duplicated = 0, reordered = 0, corrupted = 0, truncated = 0;
 };
@@ -31,11 +31,11 @@ struct EmulatedLinkCounts {
 /// socket; the same seed, impairments and pushes give the same bytes at the same times, and each effect has random
 /// numbers of its own, so that one more effect does not change what the others draw. One thread; `now` never goes back.
 ///
-/// Datagrams meet the effects in this order: partition, loss, the recorded day's losses, truncation, corruption; the
-/// rate's queue; delay, and the recorded day's, which keep the order; jitter and reordering, which do not; duplication.
-/// A stream keeps its bytes and their order. When the impairment changes, what is already on its way is due when it
-/// was; only a stall holds it back, until the stall ends. A recorded day begins with the first call of push() or pop()
-/// after it was set, and goes on while others change.
+/// Datagrams meet the effects in this order: partition, loss, the recorded link's losses, truncation, corruption; the
+/// rate's queue; delay, and the recorded link's, which keep the order; jitter and reordering, which do not;
+/// duplication. A stream keeps its bytes and their order. When the impairment changes, what is already on its way is
+/// due when it was; only a stall holds it back, until the stall ends. A recorded link begins with the first call of
+/// push() or pop() after it was set, and goes on while others change.
 ///
 /// Bounded: beyond max_units or max_bytes on their way, a datagram that comes is dropped and counted, and a stream
 /// takes no more (room()).
@@ -73,9 +73,9 @@ class EmulatedLink {
   enum Effect { delay, jitter, loss, duplicate, reorder, corrupt, truncate, effects };
   bool is_lost();
   bool share(Effect effect, double of);
-  void begin_day(TimeNs now);
-  /// What the recorded day does to what is pushed now; nothing without one.
-  RecordedDay::Delivery fate(TimeNs now) const;
+  void begin_recording(TimeNs now);
+  /// What the recorded link does to what is pushed now; nothing without one.
+  LinkRecording::Delivery recorded_delivery(TimeNs now) const;
   /// When it has passed the rate's queue; nothing: the queue is full.
   std::optional<TimeNs> pass_rate(TimeNs now, std::size_t bytes);
   double rate_backlog_bytes(TimeNs now) const;
@@ -88,7 +88,7 @@ class EmulatedLink {
   std::array<Random, effects> random_;                      // whether
   std::array<Draws, effects> draws_;                        // how long
   bool bad_ = false;                                        // of the loss model
-  std::optional<TimeNs> day_begins_;                        // of the recorded day, less its offset
+  std::optional<TimeNs> recording_begins_;                  // of the recorded link, less its offset
   TimeNs rate_free_at_ = 0;                                 // when all that is in the rate's queue has passed
   TimeNs in_order_ = 0;                                     // nothing that keeps the order is due before this
   std::map<std::pair<TimeNs, std::uint64_t>, Unit> units_;  // by when they are due, then as they came

@@ -116,23 +116,24 @@ Status set_rate(const Words& words, std::optional<Impairment::Rate>& out) {
 std::optional<TimeNs> offset_in(std::string_view text) {
   static constexpr std::pair<std::string_view, double> units[] = {{"ms", 1e-3}, {"min", 60}, {"s", 1}, {"h", 3600}};
   const auto seconds = parse_with_unit(text, units);
-  if (!seconds || *seconds < 0 || *seconds > to_seconds(RecordedDay::max_length)) return std::nullopt;
+  if (!seconds || *seconds < 0 || *seconds > to_seconds(LinkRecording::max_length)) return std::nullopt;
   return std::llround(*seconds * 1e9);
 }
 
-Status set_recorded_day(const Words& words, const ReadDay& read, std::optional<Impairment::RecordedLink>& out) {
+Status set_recorded_link(const Words& words, const ReadLinkRecording& read,
+                         std::optional<Impairment::RecordedLink>& out) {
   const bool from = words.size() == 4 && words[2] == "at";
   if (words.size() != 2 && !from)
     return wrong(words, "allowed is recorded-day FILE [at OFFSET], such as recorded-day day.csv at 90s");
   Impairment::RecordedLink recorded;
   recorded.file = words[1];
-  auto day = read(recorded.file);
-  if (!day) return day.error();
-  recorded.day = std::move(*day);
-  const double length_s = to_seconds(recorded.day->length_ns());
+  auto recording = read(recorded.file);
+  if (!recording) return recording.error();
+  recorded.recording = std::move(*recording);
+  const double length_s = to_seconds(recorded.recording->length_ns());
   if (from) {
     const auto offset = offset_in(words[3]);
-    if (!offset || *offset >= recorded.day->length_ns())
+    if (!offset || *offset >= recorded.recording->length_ns())
       return wrong(words,
                    fmt::format("the OFFSET must be a time such as 90s, 15min or 2h within the day, which is {:g} s "
                                "long",
@@ -173,7 +174,7 @@ void for_each_effect(const auto& act) {
   act("corrupt", &Impairment::corrupt);
   act("truncate", &Impairment::truncate);
   act("rate", &Impairment::rate);
-  act("recorded-day", &Impairment::recorded_day);
+  act("recorded-day", &Impairment::recorded_link);
   act("stall", &Impairment::stall);
   act("partition", &Impairment::partition);
 }
@@ -207,7 +208,8 @@ void overlay(const Impairment& over, Impairment& impairment) {
   });
 }
 
-Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
+Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read,
+                    const ReadLinkRecording& recording) {
   const std::string_view effect = trimmed(text);
   const Words words = words_of(effect);
   constexpr std::string_view allowed =
@@ -226,7 +228,7 @@ Status apply_effect(std::string_view text, Impairment& impairment, const ReadRec
   if (name == "loss") return set_loss(words, impairment.loss);
   if (name == "corrupt") return set_share(words, impairment.corrupt);
   if (name == "truncate") return set_share(words, impairment.truncate);
-  if (name == "recorded-day") return set_recorded_day(words, day, impairment.recorded_day);
+  if (name == "recorded-day") return set_recorded_link(words, recording, impairment.recorded_link);
   if (name == "rate") return set_rate(words, impairment.rate);
   if (name == "duplicate") {
     Impairment::Duplication duplicate;
@@ -243,10 +245,11 @@ Status apply_effect(std::string_view text, Impairment& impairment, const ReadRec
   return wrong(words, allowed);
 }
 
-Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
+Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read,
+                     const ReadLinkRecording& recording) {
   Impairment changed = impairment;
   for (const std::string_view effect : split(text, ',')) {
-    if (auto applied = apply_effect(effect, changed, read, day); !applied) return applied;
+    if (auto applied = apply_effect(effect, changed, read, recording); !applied) return applied;
   }
   impairment = std::move(changed);
   return done;
@@ -265,7 +268,7 @@ std::string text_of(const Impairment& impairment) {
   if (const auto& r = impairment.rate)
     effects.push_back(
         fmt::format("rate {}/s queue {}", bytes_text(r->bytes_per_s), bytes_text(static_cast<double>(r->queue_bytes))));
-  if (impairment.recorded_day) effects.push_back(recorded_text(*impairment.recorded_day));
+  if (impairment.recorded_link) effects.push_back(recorded_text(*impairment.recorded_link));
   if (impairment.stall) effects.push_back("stall");
   if (impairment.partition) effects.push_back("partition");
   return effects.empty() ? "clear" : fmt::format("{}", fmt::join(effects, ", "));
@@ -278,7 +281,7 @@ Status check_for_stream(const Impairment& impairment) {
       {impairment.reorder.has_value(), "reorder"},
       {impairment.corrupt > 0, "corrupt"},
       {impairment.truncate > 0, "truncate"},
-      {impairment.recorded_day && impairment.recorded_day->day->has_losses(), "a recorded day with losses"},
+      {impairment.recorded_link && impairment.recorded_link->recording->has_losses(), "a recorded day with losses"},
   };
   for (const auto& [there, name] : effects) {
     if (there)

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "hil/netem/distribution.hpp"
-#include "hil/netem/recording/day.hpp"
+#include "hil/netem/recording/link_recording.hpp"
 
 namespace ledgerline::hil {
 
@@ -36,11 +36,11 @@ struct Impairment {
     bool operator==(const Rate&) const = default;
   };
 
-  /// A recorded link, played as its day went on: its losses, and its delays beside `delay`.
+  /// A recorded link, played as it went on: its losses, and its delays beside `delay`.
   struct RecordedLink {
-    Day day;
+    std::shared_ptr<const LinkRecording> recording;
     std::string file;      ///< for text_of()
-    TimeNs offset_ns = 0;  ///< into the day: it begins there
+    TimeNs offset_ns = 0;  ///< into the recording: it begins there
     bool operator==(const RecordedLink&) const = default;
   };
 
@@ -52,7 +52,7 @@ struct Impairment {
   double corrupt = 0;   ///< share in which one bit is turned over
   double truncate = 0;  ///< share that loses its end
   std::optional<Rate> rate;
-  std::optional<RecordedLink> recorded_day;
+  std::optional<RecordedLink> recorded_link;
   bool stall = false;      ///< nothing comes out; when it ends, all that waited comes at once
   bool partition = false;  ///< datagrams are lost; bytes of a stream wait, and no connection is taken up
 
@@ -77,10 +77,9 @@ void overlay(const Impairment& over, Impairment& impairment);
 ///     corrupt 1%                      one bit
 ///     truncate 1%                     at least a byte less
 ///     rate 20kB/s queue 8kB           B/s, kB/s, MB/s; without `queue`: what goes through in a quarter of a second
-///     recorded-day FILE at 90s        loss and delay of a recorded link (hil/netem/recording/day.hpp) of the
-///     moment
-///                                     as its day goes on, from so far into it (s, min, h; without `at`: its start)
-///                                     around and around; in order
+///     recorded-day FILE at 90s        loss and delay of a recorded link (hil/netem/recording/link_recording.hpp), as
+///                                     it went on from so far into it (s, min, h; without `at`: its start), and from
+///                                     its start again at its end; in order
 ///     stall
 ///     partition
 ///     EFFECT off                      `delay off`, `stall off` ...
@@ -88,17 +87,17 @@ void overlay(const Impairment& over, Impairment& impairment);
 ///
 /// On an error nothing is changed; it quotes what is wrong and says what is allowed.
 Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording,
-                    const ReadDay& day = read_day);
+                    const ReadLinkRecording& recording = read_link_recording);
 
 /// Several effects with commas between, all of them or, on an error, none: "delay 200ms, loss 5%".
 Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read = read_recording,
-                     const ReadDay& day = read_day);
+                     const ReadLinkRecording& recording = read_link_recording);
 
 /// What apply_effects() reads as the same again; "clear" where nothing is impaired.
 std::string text_of(const Impairment& impairment);
 
 /// What a stream of bytes (TCP) cannot have: it delivers what was sent, in order, or nothing. The error names the first
-/// such effect; a recorded day is one where anything is lost in it.
+/// such effect; a recorded link is one where anything is lost in it.
 Status check_for_stream(const Impairment& impairment);
 
 }  // namespace ledgerline::hil

@@ -35,7 +35,7 @@ class SharedPorts {
 class DroneSide {
  public:
   static constexpr std::size_t max_clients = 8;
-  static constexpr TimeNs client_timeout = 10 * ns_per_s;  ///< one that was silent for so long gives way to another
+  static constexpr TimeNs client_timeout = 10 * ns_per_s;  ///< [ns] one silent for so long gives way to another
 
   static Result<DroneSide> open(const DroneRoute& route, in_addr source, std::uint64_t seed);
   DroneSide(DroneSide&&) noexcept;
@@ -61,8 +61,8 @@ class DroneSide {
  private:
   struct Client {
     sockaddr_in address{};
-    int back = -1;  ///< toward the drone
-    TimeNs heard = 0;
+    int back = -1;     ///< toward the drone
+    TimeNs heard = 0;  ///< when it last sent something; monotonic clock [ns]
   };
   DroneSide(const DroneRoute& route, in_addr source, std::uint64_t seed);
   EmulatedLink& link_of(Direction way) { return links_[static_cast<std::size_t>(way)]; }

@@ -22,7 +22,6 @@ namespace ledgerline::hil::proxy {
 namespace {
 
 constexpr TimeNs max_wait = ns_per_s;
-constexpr std::size_t max_switched = 10'000;  // commands that the summary names
 
 class Proxy {
  public:
@@ -49,9 +48,9 @@ class Proxy {
   std::optional<CommandSocket> socket_;
   TimeNs start_ = 0;
   std::vector<pollfd> polled_;
-  std::uint64_t outsiders_ = 0, unnamed_ = 0;
+  std::uint64_t outsiders_ = 0;
   TimeNs latest_ = 0;  // how much later than due the loop came to it, at most
-  nlohmann::json switched_ = nlohmann::json::array();
+  SwitchedCommands switched_;
 };
 
 Result<Proxy> Proxy::open(const Settings& settings) {
@@ -149,10 +148,7 @@ Result<std::string> Proxy::act(TimeNs now, const std::string& command) {
   if (const auto applied = switches_.apply(command); !applied) return applied.error();
   if (command == "list") return switches_.list();
   set_all();
-  if (switched_.size() < max_switched)
-    switched_.push_back({{"t_ns", now}, {"command", command}});
-  else
-    ++unnamed_;
+  switched_.add(now, command);
   spdlog::info("{}", command);
   return std::string();
 }
@@ -176,9 +172,8 @@ Status Proxy::write_summary() const {
                          {"drones", nlohmann::json::array()},
                          {"servers", nlohmann::json::array()},
                          {"outsiders", outsiders_},
-                         {"switched", switched_},
-                         {"switched_unnamed", unnamed_},
                          {"latest_ms", to_ms(latest_)}};
+  switched_.report_to(summary);
   for (const DroneSide& side : drones_) summary["drones"].push_back(side.summary());
   for (const ServerSide& side : servers_) summary["servers"].push_back(side.summary());
   return write_file(settings_.summary_file, summary.dump(2) + "\n");

@@ -7,11 +7,10 @@
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
+#include "common/msg/onboard.hpp"
 #include "hil/proxy/switches.hpp"
 
 namespace ledgerline::hil::proxy {
-
-inline constexpr std::uint16_t command_port = 8889, state_port = 8890, video_port = 11111;
 
 /// Addresses of all kinds are IPv4.
 struct DroneRoute {

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <type_traits>
 
 #include "common/base/enum_count.hpp"
@@ -50,10 +51,10 @@ std::string kind_name(Target::Kind kind) { return kind == Target::Kind::drone ? 
 
 std::string_view name_of(Direction way) { return way_names[static_cast<std::size_t>(way)]; }
 
-Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadDay read_day)
+Switches::Switches(std::vector<Target> targets, ReadRecording read, ReadLinkRecording read_link_recording)
     : targets_(std::move(targets)),
       read_(std::move(read)),
-      read_day_(std::move(read_day)),
+      read_link_recording_(std::move(read_link_recording)),
       sensors_(targets_.size()),
       sdk_(targets_.size()),
       impairments_(targets_.size()),
@@ -149,7 +150,7 @@ Status Switches::apply_to(Target::Kind kind, std::string_view name, std::string_
   for (const std::size_t i : *meant) {
     for (const Direction one : meant_ways) {
       Impairment& impairment = changed[i][static_cast<std::size_t>(one)];
-      if (auto applied = apply_effects(rest, impairment, read_, read_day_); !applied) return applied;
+      if (auto applied = apply_effects(rest, impairment, read_, read_link_recording_); !applied) return applied;
       if (kind == Target::Kind::drone) continue;
       if (auto possible = check_for_stream(impairment); !possible) return possible;
     }
@@ -246,6 +247,20 @@ std::optional<std::string> Script::pop(TimeNs since_start) {
 std::optional<TimeNs> Script::next() const {
   if (done_ == commands_.size()) return std::nullopt;
   return commands_[done_].at_ns;
+}
+
+void SwitchedCommands::add(TimeNs at_ns, std::string command) {
+  constexpr std::size_t max_named = 10'000;
+  if (named_.size() < max_named)
+    named_.emplace_back(at_ns, std::move(command));
+  else
+    ++unnamed_;
+}
+
+void SwitchedCommands::report_to(nlohmann::json& summary) const {
+  auto& switched = summary["switched"] = nlohmann::json::array();
+  for (const auto& [at_ns, command] : named_) switched.push_back({{"t_ns", at_ns}, {"command", command}});
+  summary["switched_unnamed"] = unnamed_;
 }
 
 }  // namespace ledgerline::hil::proxy

@@ -1,8 +1,10 @@
 #pragma once
 #include <array>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/enum_count.hpp"
@@ -32,8 +34,7 @@ struct Target {
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
 ///
 ///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/netem/impairment.hpp on one way: to, answers, state,
-///     video, from
-///                                            (the three before), both (all four)
+///                                            video, from (the three before), both (all four)
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
 ///     server agent from stall                to, from, both
 ///     server agent cut                       its connections are reset, once
@@ -44,7 +45,7 @@ struct Target {
 ///     list                                   changes nothing; what is switched is in list()
 ///
 /// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording, or
-/// a recorded day, is read once, by the first command that names it.
+/// a recorded link, is read once, by the first command that names it.
 class Switches {
  public:
   static constexpr std::size_t max_faults = 16;  ///< of a drone's sensors at once, and as many of its SDK
@@ -52,7 +53,8 @@ class Switches {
   /// Names are unique within a kind.
   explicit Switches(std::vector<Target> targets,
                     ReadRecording read = reading_once<Distribution::Recording>(read_recording),
-                    ReadDay read_day = reading_once<Day>(hil::read_day));
+                    ReadLinkRecording read_link_recording =
+                        reading_once<std::shared_ptr<const LinkRecording>>(hil::read_link_recording));
 
   Status apply(std::string_view command);
   const std::vector<Target>& targets() const { return targets_; }
@@ -88,7 +90,7 @@ class Switches {
                      Result<Fault> (*parse)(std::string_view));
   std::vector<Target> targets_;
   ReadRecording read_;
-  ReadDay read_day_;
+  ReadLinkRecording read_link_recording_;
   std::vector<std::vector<Switched<SensorFault>>> sensors_;
   std::vector<std::vector<Switched<SdkFault>>> sdk_;
   std::size_t items_ = 0;
@@ -124,6 +126,18 @@ class Script {
   };
   std::vector<Command> commands_;
   std::size_t done_ = 0;
+};
+
+/// The commands that switched something, for a summary: the first 10,000, and how many more. A core; one thread.
+class SwitchedCommands {
+ public:
+  void add(TimeNs at_ns, std::string command);
+  /// Into "switched" and "switched_unnamed".
+  void report_to(nlohmann::json& summary) const;
+
+ private:
+  std::vector<std::pair<TimeNs, std::string>> named_;
+  std::uint64_t unnamed_ = 0;
 };
 
 /// The command that switches off what this one switched on; an error where there is no such command (`cut`, `clear`).

@@ -8,7 +8,7 @@
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "hil/proxy/settings.hpp"
-#include "hil/shim/wires.hpp"
+#include "hil/shim/drone_links.hpp"
 
 namespace ledgerline::hil::shim {
 namespace {

@@ -17,8 +17,8 @@
 #include "common/program/program.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/settings.hpp"
+#include "hil/shim/drone_links.hpp"
 #include "hil/shim/scripted_agent.hpp"
-#include "hil/shim/wires.hpp"
 #include "hil/sitl/digester.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "sim/core/parameters.hpp"
@@ -144,7 +144,7 @@ class Lockstep {
       : end_(end),
         now_(end.memory().turns.now_ns.load(std::memory_order_relaxed)),
         drones_(options.parameters, now_),
-        ways_(options.parameters.drones, options.parameters.seed),
+        links_(options.parameters.drones, options.parameters.seed),
         switches_(DroneLinks::targets(options.parameters.drones)),
         faults_(std::move(script)),
         agent_(options.script, now_),
@@ -166,19 +166,19 @@ class Lockstep {
     now_ += ns_per_ms;
     while (const auto command = faults_.pop(flown_ns())) {
       if (const Status applied = switches_.apply(*command); !applied) return applied;
-      ways_.set(switches_);
+      links_.set(switches_);
     }
-    for (const sim::Outgoing& datagram : drones_.step(now_).datagrams) ways_.from_drone(now_, datagram);
-    while (const auto datagram = ways_.to_client(now_)) {
+    for (const sim::Outgoing& datagram : drones_.step(now_).datagrams) links_.from_drone(now_, datagram);
+    while (const auto datagram = links_.to_client(now_)) {
       if (!send_to_client(end_, *datagram)) return Error{"link did not take what its drones said"};
     }
     if (!say()) return Error{"link did not take what agent said"};
     if (const Status made = turn(); !made) return made;
     for (drone_shim::Datagram datagram; end_.receive(datagram);) {
       record_.sent(now_, datagram.drone, datagram.view());
-      ways_.from_client(now_, datagram.drone, link_endpoint, datagram.view());
+      links_.from_client(now_, datagram.drone, link_endpoint, datagram.view());
     }
-    while (const auto sent = ways_.to_drone(now_)) drones_.datagram(sent->drone, sent->from, sent->bytes);
+    while (const auto sent = links_.to_drone(now_)) drones_.datagram(sent->drone, sent->from, sent->bytes);
     for (StateSample state; end_.memory().states.pop(state);) {
     }
     for (Transition transition; end_.memory().transitions.pop(transition);) agent_.add(transition);
@@ -189,7 +189,7 @@ class Lockstep {
   Status write(const ScriptedFlight& options) {
     sleep_for(50 * ns_per_ms);
     for (Transition transition; end_.memory().transitions.pop(transition);) agent_.add(transition);
-    return write_all(record_, options, now_, agent_, drones_, ways_.sdk_counts());
+    return write_all(record_, options, now_, agent_, drones_, links_.sdk_counts());
   }
 
  private:
@@ -213,7 +213,7 @@ class Lockstep {
   drone_shim::DronesEnd& end_;
   TimeNs now_;
   sim::Simulator drones_;
-  DroneLinks ways_;
+  DroneLinks links_;
   proxy::Switches switches_;
   proxy::Script faults_;
   ScriptedAgent agent_;
@@ -276,10 +276,10 @@ Status fly_in_real_time(const ScriptedFlight& options) {
   std::optional<drone_shim::DronesEnd> end;
   auto wire = open_wire(options, end);
   if (!wire) return wire.error();
-  auto bent = BentWire::open(std::move(*wire), options.parameters.drones, options.parameters.seed,
-                             {options.faults_socket, options.script.faults});
-  if (!bent) return bent.error();
-  BentWire& drones_wire = **bent;
+  auto faulty = FaultyWire::open(std::move(*wire), options.parameters.drones, options.parameters.seed,
+                                 {options.faults_socket, options.script.faults});
+  if (!faulty) return faulty.error();
+  FaultyWire& drones_wire = **faulty;
   if (auto connected = ipc::connect("ledgerline-hil"); !connected) return connected;
   auto opened = ipc::AgentEnd::create();
   if (!opened) return opened.error();
@@ -387,7 +387,7 @@ int ShimVerb::run() {
     auto opened = drone_shim::DronesEnd::open(flight_.memory);
     if (!opened) return opened.error();
     end.emplace(std::move(*opened));
-    auto wire = BentWire::open(std::make_unique<ShimWire>(*end), count, drones_.shell.parameters.seed, faults);
+    auto wire = FaultyWire::open(std::make_unique<ShimWire>(*end), count, drones_.shell.parameters.seed, faults);
     if (!wire) return wire.error();
     spdlog::info("{} drone(s) behind {}, mocap {} Hz", count, flight_.memory, drones_.shell.parameters.mocap_hz);
     return std::unique_ptr<sim::DroneWire>(std::move(*wire));

@@ -12,7 +12,7 @@
 namespace ledgerline::hil {
 
 inline constexpr double on_ground_m = 0.1;  ///< a drone below it, its motors off, is on the ground
-inline constexpr double rc_full_mps = 1;    ///< what rc 100 means
+inline constexpr double rc_full_mps = 1;    ///< what rc 100 means in fault runs: no script sets full_scale_mps
 
 /// Whether it is there, motors off: one whose motors were cut may still be falling.
 inline bool on_ground(const sim::Truth& truth) { return !truth.in_flight && truth.position_m[2] < on_ground_m; }
@@ -62,7 +62,7 @@ struct DroneObservation {
 /// What happened at one moment.
 struct WorldEvent {
   enum class Kind {
-    mode,       ///< link's phase, mode or cause changed; the facts have them
+    mode,       ///< link's phase, mode or cause changed; the observations have them
     handed,     ///< agent handed a command on to link: `sequence`
     applied,    ///< a plan's first setpoint was sent: `sequence`; `value` is its age [s]
     sent,       ///< a command that is no rc went to the drone: `text`

@@ -1,11 +1,9 @@
 #include "hil/sitl/processes.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "common/msg/ros.hpp"
 #include "common/verification/control_records.hpp"
-#include "ground/mission/check.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -26,23 +24,12 @@ Result<Control> read_control(LedgerPort& port, TimeNs now, const std::string& dr
 
 }  // namespace
 
-void WorldClock::advance(TimeNs by_ns) {
-  now_ += by_ns;
-  for (std::size_t host = 0; host < host_drift_.size(); ++host)
-    host_jump_ns_[host] += static_cast<TimeNs>(host_drift_[host] * static_cast<double>(by_ns));
-  if (host_suspended_) host_slept_ns_ += by_ns;
-}
-
-TimeNs WorldClock::real_offset(Host host) const {
-  return SimulatedLedger::real(0) + jump_ns_ + host_jump_ns_[static_cast<std::size_t>(host)];
-}
-
 SharedWorld::SharedWorld(const WorldConfig& world_config)
     : config(world_config),
       ledger(node_config(config), config.delays, config.seed),
       sim(sim_parameters(config), 0),
       wires(config),
-      witness(config, sim) {}
+      observer(config, sim) {}
 
 std::optional<Pose> LocalLoop::fused(std::size_t drone, const agent::MocapPose& measured) {
   auto pose = fusions_[drone].add(measured);
@@ -179,11 +166,11 @@ void AgentProcess::receive() {
 void AgentProcess::send(std::optional<std::uint64_t> link) {
   const TimeNs now = world_.clock.now();
   for (const auto& word : out_.violations) world_.note(WorldEvent::Kind::untrusted, 0, word.words);
-  for (auto& submit : out_.submits) port_.submit(now, submit.frame, std::move(submit.call));
+  for (auto& submit : out_.submits) port_.submit(now, submit.call_number, std::move(submit.call));
   for (const auto& trace : out_.traces) world_.digester.put(trace);
   if (!link) return;
   for (const Plan& plan : out_.plans) {
-    world_.witness.on_plan_handed(now, plan);
+    world_.observer.on_plan_handed(now, plan);
     world_.wires.drones[plan.drone - 1U].network.push(now, DroneTraffic::plans, bytes_of(plan), *link);
   }
   for (const Pose& pose : out_.poses) put(world_.wires.poses, pose, pose_queue);
@@ -263,7 +250,7 @@ void GroundProcess::step(bool stopped) {
   if (!core_) (void)port_.pop_blocks();
   if (!core_ || stopped) return;
   const auto outcomes = std::exchange(outcomes_, {});
-  apply_news(outcomes, port_.pop_blocks(), [this](const ground::FlightInputs& inputs) { step_core(inputs); });
+  apply_updates(outcomes, port_.pop_blocks(), [this](const ground::FlightInputs& inputs) { step_core(inputs); });
   if (world_.clock.now() >= next_ns_) step_core({});
 }
 
@@ -281,8 +268,8 @@ std::vector<Plan> GroundProcess::step_core(ground::FlightInputs inputs) {
   const auto commands = std::exchange(commands_, {});
   inputs.commands = commands;
   auto out = core_->step(now, inputs);
-  for (const ground::DroneUpdate& news : out.news) {
-    if (news.state) world_.witness.on_state_shown(now, news.drone, *news.state);
+  for (const ground::DroneUpdate& update : out.updates) {
+    if (update.state) world_.observer.on_state_shown(now, update.drone, *update.state);
   }
   if (mission_) {
     for (ground::PilotCommand& command : mission_->step(now, *core_)) commands_.push_back(std::move(command));
@@ -310,7 +297,7 @@ void LinkProcess::kill() {
   world_.wires.plans.clear();
   world_.wires.poses.clear();
   world_.wires.heartbeats.clear();
-  world_.witness.on_link_ended();
+  world_.observer.on_link_ended();
 }
 
 void LinkProcess::end(bool again) {
@@ -321,7 +308,7 @@ void LinkProcess::end(bool again) {
 bool LinkProcess::step(bool agent_listens) {
   const TimeNs now = world_.clock.now(), host_now = world_.clock.host_now();
   Wires& wires = world_.wires;
-  Witness& witness = world_.witness;
+  FlightObserver& observer = world_.observer;
   const auto datagrams = pop_all(wires.to_link);
   std::vector<link::Received> received;
   received.reserve(datagrams.size());
@@ -340,122 +327,35 @@ bool LinkProcess::step(bool agent_listens) {
                                            .heartbeats = heartbeats,
                                            .stop_all = ends_ns_.has_value(),
                                            .suspended_ns = world_.clock.host_slept_ns()});
-  witness_poses();
+  observe_poses();
   for (const auto& send : out.to_send) {
     const std::string_view text = send.command.view();
     world_.digester.put(text);
     wires.drones[send.drone - 1U].network.push(now, DroneTraffic::to, text);
-    witness.on_command_sent(now, send.drone, text, core_->yaw_rad(send.drone, host_now));
+    observer.on_command_sent(now, send.drone, text, core_->yaw_rad(send.drone, host_now));
   }
   if (agent_listens) {
     for (const StateSample& state : out.states) put(wires.states, state, state_queue);
     for (const Transition& transition : out.transitions) put(wires.transitions, transition, transition_queue);
   }
-  for (const StateSample& state : out.states) witness.on_state_reported(state);
+  for (const StateSample& state : out.states) observer.on_state_reported(state);
   for (const TraceRecord& record : out.trace) {
     world_.digester.put(record);
-    witness.on_trace(now, record);
+    observer.on_trace(now, record);
   }
-  witness.on_plans(now, world_.clock.host_slept_ns(), plans);
+  observer.on_plans(now, world_.clock.host_slept_ns(), plans);
   stops_ = core_->local_stops();
   return ends_ns_ && (core_->all_landed_or_commanded() || now >= *ends_ns_);
 }
 
-void LinkProcess::witness_poses() {
+void LinkProcess::observe_poses() {
   std::vector<Pose> accepted;
   for (const DroneObservation& drone : world_.drones()) {
     Pose pose = core_->pose(drone.number);
     pose.drone = drone.number;
     if (pose.stamp_ns != 0) accepted.push_back(pose);
   }
-  world_.witness.on_poses(accepted);
-}
-
-namespace {
-
-using ground::mission::MissionRun;
-
-ground::mission::Mission mission_of(const WorldConfig& config) {
-  const sim::Parameters places = sim_parameters(config);
-  ground::mission::Mission mission{.name = "courses", .drones = {}};
-  for (int k = 1; k <= config.drones; ++k) {
-    const auto start_m = sim::start_of(places, k);
-    ground::mission::MissionDrone drone{.drone = drone_name(k), .waypoints = ground::waypoints_of(task_of(config, k))};
-    for (ground::Waypoint& waypoint : drone.waypoints) waypoint.at_m += Eigen::Vector2d(start_m[0], start_m[1]);
-    drone.land_behind = true;
-    mission.drones.push_back(std::move(drone));
-  }
-  return mission;
-}
-
-}  // namespace
-
-MissionStation::MissionStation(const WorldConfig& config) {
-  rules_.after_restart = config.after_restart;
-  const link::FenceSettings fence = link_settings(config).fence;
-  fence_ = {fence.min_m, fence.max_m};
-  if (auto run = MissionRun::make(mission_of(config), rules_)) run_ = std::move(*run);
-}
-
-void MissionStation::approve() {
-  const std::vector<ground::mission::Approval> approvals{{operator_name, run_->digest()}};
-  if (approved_) run_->set_approvals(approvals);
-}
-
-std::vector<ground::mission::Finding> MissionStation::check(const ground::mission::Mission& mission,
-                                                            const ground::FlightCore& core) const {
-  const ground::FlightView view(core);
-  std::vector<ground::mission::DroneNow> now = ground::mission::drones_now(view);
-  for (std::size_t i = 0; i < now.size(); ++i) now[i].way = ground::mission::way_of(view, i);
-  return ground::mission::check(mission, {.flight = core.config().controller, .fence = fence_}, now);
-}
-
-Status MissionStation::allowed(const ground::mission::Mission& mission, const ground::FlightCore& core) const {
-  const auto findings = check(mission, core);
-  const auto found = std::find_if(findings.begin(), findings.end(), [](const auto& one) { return one.forbids; });
-  if (found != findings.end()) return Error{found->words};
-  return done;
-}
-
-Status MissionStation::apply(MissionCommand word, const ground::FlightCore& core) {
-  if (!run_) return Error{"there is no mission"};
-  said_ = true;
-  switch (word) {
-    case MissionCommand::approve:
-      approved_ = true;
-      approve();
-      return done;
-    case MissionCommand::start:
-      return run_->start(check(run_->mission(), core));
-    case MissionCommand::pause:
-      return run_->pause();
-    case MissionCommand::resume:
-      if (auto may = allowed(run_->rest(), core); !may) return may;
-      return run_->resume();
-    case MissionCommand::land:
-      return run_->end("its operator has all land");
-  }
-  return done;
-}
-
-std::vector<ground::PilotCommand> MissionStation::step(TimeNs now, const ground::FlightCore& core) {
-  if (!run_ || !said_) return {};
-  auto commands = run_->step(now, ground::mission::drones_now(core)).commands;
-  if (!run_->awaits_check()) return commands;
-  run_->resume_after_check(allowed(run_->rest(), core));
-  return commands;
-}
-
-void MissionStation::ground_ended() {
-  if (!run_) return;
-  kept_ = run_->saved();
-  run_.reset();
-}
-
-void MissionStation::ground_began() {
-  if (run_ || kept_.empty()) return;
-  if (auto run = MissionRun::restore(kept_, rules_)) run_ = std::move(*run);
-  if (run_) approve();
+  world_.observer.on_poses(accepted);
 }
 
 }  // namespace ledgerline::hil

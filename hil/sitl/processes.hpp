@@ -1,5 +1,4 @@
 #pragma once
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -9,13 +8,14 @@
 #include "common/base/result.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/core/flight.hpp"
-#include "ground/mission/run.hpp"
 #include "hil/sitl/digester.hpp"
+#include "hil/sitl/drone_network.hpp"
+#include "hil/sitl/flight_observer.hpp"
 #include "hil/sitl/ledger/ledger_port.hpp"
 #include "hil/sitl/ledger/simulated_ledger.hpp"
 #include "hil/sitl/ledger/stoppers.hpp"
-#include "hil/sitl/wires.hpp"
-#include "hil/sitl/witness.hpp"
+#include "hil/sitl/mission_station.hpp"
+#include "hil/sitl/world_clock.hpp"
 #include "hil/sitl/world_setup.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 #include "onboard/agent/core/mocap.hpp"
@@ -27,72 +27,13 @@
 
 namespace ledgerline::hil {
 
-/// What an operator says of the mission.
-enum class MissionCommand : std::uint8_t { approve, start, pause, resume, land };
-
-/// A ground station's mission in a simulated world: the courses of all drones, flown together by MissionRun. It
-/// outlives ground as the kept file does, and goes on by WorldConfig::after_restart. Deterministic; one thread.
-class MissionStation {
- public:
-  explicit MissionStation(const WorldConfig& config);
-
-  /// The error says why it is refused. `core`: ground as it runs.
-  Status apply(MissionCommand word, const ground::FlightCore& core);
-  /// Behind ground's step; what it wants is for the next one.
-  std::vector<ground::PilotCommand> step(TimeNs now, const ground::FlightCore& core);
-  void ground_ended();
-  void ground_began();
-
- private:
-  std::vector<ground::mission::Finding> check(const ground::mission::Mission& mission,
-                                              const ground::FlightCore& core) const;
-  /// The error is what forbids it.
-  Status allowed(const ground::mission::Mission& mission, const ground::FlightCore& core) const;
-  void approve();
-
-  ground::mission::RunConfig rules_;
-  ground::mission::Fence fence_;
-  bool approved_ = false, said_ = false;
-  std::optional<ground::mission::MissionRun> run_;  ///< none while ground does not run
-  std::string kept_;                                ///< as it was then
-};
-
-/// The clocks of a simulated world, and what was done to them.
-class WorldClock {
- public:
-  enum class Host : std::uint8_t { mocap, drones };
-
-  void advance(TimeNs by_ns);
-  TimeNs now() const { return now_; }
-  /// Real time minus now().
-  TimeNs real_offset(Host host) const;
-  /// CLOCK_MONOTONIC of the drones' host, and real time less it.
-  TimeNs host_now() const { return now_ - host_slept_ns_; }
-  TimeNs host_real_offset() const { return real_offset(Host::drones) + host_slept_ns_; }
-  TimeNs host_slept_ns() const { return host_slept_ns_; }
-
-  /// Real time, of all hosts or of one. What a drift has made of it stays.
-  void jump(TimeNs by_ns) { jump_ns_ += by_ns; }
-  void jump(Host host, TimeNs by_ns) { host_jump_ns_[static_cast<std::size_t>(host)] += by_ns; }
-  void drift(Host host, double share) { host_drift_[static_cast<std::size_t>(host)] = share; }
-  /// The drones' host, link and agent, sleeps: its clock stands still meanwhile.
-  void suspend_host(bool suspended) { host_suspended_ = suspended; }
-  bool host_suspended() const { return host_suspended_; }
-
- private:
-  TimeNs now_ = 0, jump_ns_ = 0, host_slept_ns_ = 0;
-  std::array<TimeNs, 2> host_jump_ns_{};
-  std::array<double, 2> host_drift_{};
-  bool host_suspended_ = false;
-};
-
 /// What the processes of a world have in common.
 struct SharedWorld {
   explicit SharedWorld(const WorldConfig& world_config);
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
-    witness.note(clock.now(), kind, drone, std::move(text));
+    observer.note(clock.now(), kind, drone, std::move(text));
   }
-  const std::vector<DroneObservation>& drones() const { return witness.drones(); }
+  const std::vector<DroneObservation>& drones() const { return observer.drones(); }
 
   WorldConfig config;
   WorldClock clock;
@@ -101,7 +42,7 @@ struct SharedWorld {
   sim::Simulator sim;
   Wires wires;
   Digester digester;
-  Witness witness;
+  FlightObserver observer;
   std::uint64_t starts = 0;  ///< of processes, so far
 };
 
@@ -211,8 +152,8 @@ class GroundProcess {
 
 /// Steps a ground with what the ledger has for it, in the order of ground's shell: how calls ended, then blocks.
 template <typename Step>
-void apply_news(const std::vector<SimulatedLedger::Ended>& outcomes, const std::vector<fabric::Block>& blocks,
-                const Step& step) {
+void apply_updates(const std::vector<SimulatedLedger::Ended>& outcomes, const std::vector<fabric::Block>& blocks,
+                   const Step& step) {
   for (const auto& ended : outcomes) {
     ground::FlightInputs inputs;
     inputs.outcome = &ended.outcome;
@@ -245,7 +186,7 @@ class LinkProcess {
   bool step(bool agent_listens);
 
  private:
-  void witness_poses();
+  void observe_poses();
 
   SharedWorld& world_;
   std::optional<link::LinkCore> core_;

@@ -35,8 +35,8 @@ Status SimulatedWorld::set_up() {
   }
   agent_.port().forget();  // what came before the processes
   ground_.port().forget();
-  ledger.on_call_proposed([this](const fabric::Call& call) { shared_.witness.on_call_signed(call); });
-  ledger.on_committed([this](const fabric::Call& call) { shared_.witness.on_call_committed(call); });
+  ledger.on_call_proposed([this](const fabric::Call& call) { shared_.observer.on_call_signed(call); });
+  ledger.on_committed([this](const fabric::Call& call) { shared_.observer.on_call_committed(call); });
   link_.start();
   if (config.mode == WorldConfig::Mode::ledger) {
     if (auto s = agent_.start(); !s) return s;
@@ -53,13 +53,9 @@ void SimulatedWorld::post_control(Stopper who, std::size_t drone, ControlCommand
   ground_.stoppers().post(now(), who, drone_name(static_cast<int>(drone) + 1), word);
 }
 
-std::string SimulatedWorld::plans_text(std::size_t drone) const {
-  return hil::plans_text(agent(), link(), drone, drones()[drone].number);
-}
-
 void SimulatedWorld::step() {
   shared_.clock.advance(tick_ns);
-  shared_.witness.begin_step();
+  shared_.observer.begin_step();
   step_sim();
   if (!shared_.ledger_stalled) shared_.ledger.step(now());
   agent_.port().step(now());
@@ -72,8 +68,8 @@ void SimulatedWorld::step() {
   }
   step_link();
   deliver_to_drones();
-  shared_.witness.end_step(now(), shared_.sim, ground(), link());
-  if (!ground_done() || !shared_.witness.all_down()) {
+  shared_.observer.end_step(now(), shared_.sim, ground(), link());
+  if (!ground_done() || !shared_.observer.all_down()) {
     quiet_since_ns_ = 0;
   } else if (quiet_since_ns_ == 0) {
     quiet_since_ns_ = now();
@@ -86,7 +82,7 @@ void SimulatedWorld::step_sim() {
   step_mocap(out.poses);
   for (const auto& datagram : out.datagrams) {
     shared_.digester.put(datagram.bytes);
-    if (datagram.to.port == sim::state_port) {
+    if (datagram.to.port == state_port) {
       wires.sdk.state(now(), datagram.drone - 1U, datagram.bytes);
     } else {
       wires.sdk.answer(now(), datagram.drone - 1U, datagram.bytes);

@@ -24,7 +24,7 @@ class SimulatedWorld {
   TimeNs now() const { return shared_.clock.now(); }
   const std::vector<DroneObservation>& drones() const { return shared_.drones(); }
   /// Of the last step, and what was done to the world before it.
-  const std::vector<WorldEvent>& events() const { return shared_.witness.events(); }
+  const std::vector<WorldEvent>& events() const { return shared_.observer.events(); }
 
   /// Ground has ended, and every drone is on the ground and known to be, for half a second.
   bool over() const;
@@ -47,8 +47,6 @@ class SimulatedWorld {
   crypto::Digest digest();
   std::uint64_t blocks() const { return shared_.ledger.height(); }
   std::uint64_t transactions() const { return shared_.ledger.transactions(); }
-  /// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run now.
-  std::string plans_text(std::size_t drone) const;
   /// From a state until the command that answers it is here again: as agent counts it, or a local flight.
   Quantiles two_way_ms(std::size_t drone) const { return agent_.two_way_ms(drone); }
   // Null while they do not run.

@@ -127,7 +127,8 @@ class IceoryxAgentEnd final : public AgentEnd {
 
 Status connect(const std::string& program, const std::function<bool()>& is_asked_to_end) {
   const QuietStdout quiet;
-  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
+  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError,
+                                                           iox::log::LogLevelOutput::kHideLogLevel);
   switch (probe(roudi_name)) {
     case Peer::alive:
       break;

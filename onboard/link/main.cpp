@@ -1,7 +1,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/link_loop.hpp"
+#include "onboard/link/shell/link_shell.hpp"
 
 namespace {
 
@@ -28,7 +28,8 @@ int main(int argc, char** argv) {
   using namespace ledgerline;
   CommandLine line("ledgerline-link", about, notes);
   std::string config;
-  line.option("--config", config, "TOML file: [[drone]], [state], [limits], [fence], [failsafe], [realtime], [output]")
+  line.option(config_argument, config,
+              "TOML file: [[drone]], [state], [limits], [fence], [failsafe], [realtime], [output]")
       .required();
   if (const auto end = line.parse(argc, argv)) return *end;
   const auto settings = link::load_settings(config);

@@ -43,7 +43,8 @@ void unlink_segments() {
 }  // namespace
 
 Result<Broker> Broker::start() {
-  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
+  iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError,
+                                                           iox::log::LogLevelOutput::kHideLogLevel);
   if (const Status alone = check_no_other(); !alone) return alone.error();
   if (const Status served = check_group(group_of_process()); !served) return served.error();
   if (const Status writable = check_writable(); !writable) return writable.error();

@@ -59,8 +59,8 @@ struct Memory {
     alignas(64) std::atomic<std::uint32_t> done{0};
   } turns;
 
-  /// Lockstep alone: agent's side of the shared memory between link and agent, whose queues have these lengths
-  /// (onboard/ipc/ipc.cpp), but here the newest goes when one is full.
+  /// Lockstep alone: agent's side in place of the shared memory of onboard/ipc. When a queue is full, the newest is
+  /// lost here, the oldest there.
   SpscRing<Plan, 128> plans;
   SpscRing<Pose, 256> poses;
   SpscRing<AgentHeartbeat, 8> heartbeats;

@@ -19,7 +19,7 @@ constexpr int tof_on_ground_mm = 100;
 constexpr int tof_nothing_mm = 65530;  // the state then says 6553 cm
 constexpr int steps_per_walk = 100;    // the barometer's walk takes minutes
 constexpr double load_follows_s = 0.5;
-constexpr std::uint64_t later_seed = 0x73656e73;
+constexpr std::uint64_t second_seed = 0x73656e73;
 
 int rounded(double x) { return static_cast<int>(std::lround(x)); }
 
@@ -29,7 +29,7 @@ Sensors::Sensors(const Parameters& parameters, std::uint64_t seed)
     : p_(parameters),
       noise_(parameters.sensors),
       random_(seed),
-      later_(seed ^ later_seed),
+      second_random_(seed ^ second_seed),
       sensing_(parameters.sensing),
       battery_(parameters.battery.start),
       temperature_c_(parameters.heat.start_c),
@@ -45,7 +45,7 @@ void Sensors::step(const Use& use) {
   battery_ = std::max(0.0, battery_ - (share * sag / b.flight_s + drain_per_s_) * step_s);
   barometer_drift_m_ += sensing_.baro_drift_mps * step_s;
   if (steps_++ % steps_per_walk == 0)
-    barometer_drift_m_ += noise_.baro_walk_m * std::sqrt(steps_per_walk * step_s) * later_.normal();
+    barometer_drift_m_ += noise_.baro_walk_m * std::sqrt(steps_per_walk * step_s) * second_random_.normal();
   if (!flying) takeoff_drift_m_ = barometer_drift_m_;
   const HeatParameters& heat = p_.heat;
   const double towards_c = flying ? heat.flight_c : use.idling ? heat.idling_c : heat.ground_c;
@@ -64,7 +64,7 @@ int Sensors::tof_mm(const Body& body) {
 
 std::optional<PadSight> Sensors::pad(const Body& body) {
   if (!sensing_.pads) return std::nullopt;
-  return visible_pad(p_, body, later_);
+  return visible_pad(p_, body, second_random_);
 }
 
 Telemetry Sensors::read(const Body& body, const Flown& flown) {
@@ -80,7 +80,7 @@ Telemetry Sensors::read(const Body& body, const Flown& flown) {
   Vector velocity = Eigen::AngleAxisd(-power_on_yaw_rad_, Vector::UnitZ()) * flown.velocity;
   // What fades after flow was lost is no measurement: it has no noise.
   if (!flown.flow_lost)
-    for (int i = 0; i < 2; ++i) velocity[i] += noise_.flow_noise_mps * later_.normal();
+    for (int i = 0; i < 2; ++i) velocity[i] += noise_.flow_noise_mps * second_random_.normal();
   for (std::size_t i = 0; i < 3; ++i) {
     const double dmps = velocity[static_cast<int>(i)] * 10;
     t.velocity_dmps[i] = noise_.velocity_truncated ? static_cast<int>(dmps) : rounded(dmps);

@@ -93,8 +93,8 @@ class Sensors {
   Parameters p_;
   SensorParameters noise_;
   Random random_;
-  Random
-      later_;  ///< of flow's noise, pads and the barometer's walk: whatever they draw leaves the others' numbers alone
+  /// Of flow's noise, pads and the barometer's walk: a separate stream, so that the older sensors' draws do not change.
+  Random second_random_;
   Sensing sensing_;
   double power_on_yaw_rad_ = 0;
   double battery_;

@@ -12,9 +12,6 @@
 
 namespace ledgerline::sim {
 
-inline constexpr std::uint16_t command_port = 8889;
-inline constexpr std::uint16_t state_port = 8890;
-
 /// An IPv4 address in host byte order and a UDP port. On a simulated clock any numbers serve, as long as they
 /// distinguish clients.
 struct Endpoint {

@@ -29,7 +29,7 @@ void start_ode() {
 
 Vector to_vector(const dReal* v) { return {v[0], v[1], v[2]}; }
 
-struct Drone {
+struct DroneBody {
   dBodyID body = nullptr;
   dGeomID geom = nullptr;
   Motors wanted;
@@ -53,16 +53,16 @@ struct World::State {
   dThreadingImplementationID threading = nullptr;
   dGeomID ground = nullptr;
   dJointGroupID contacts = nullptr;
-  std::vector<Drone> drones;
+  std::vector<DroneBody> drones;
   std::uint64_t steps = 0;
   Vector steady_wind = Vector::Zero();
 
   void gusts();
-  void forces(Drone& drone) const;
-  RotorLoss below_others(const Drone& drone) const;
+  void forces(DroneBody& drone) const;
+  RotorLoss below_others(const DroneBody& drone) const;
   void touch(dGeomID a, dGeomID b);
   void collide();
-  void look(Drone& drone) const;
+  void look(DroneBody& drone) const;
 };
 
 World::World(const Parameters& parameters) : state_(std::make_unique<State>(parameters)) {
@@ -83,7 +83,7 @@ World::World(const Parameters& parameters) : state_(std::make_unique<State>(para
   const BodyParameters& b = s.p.body;
   s.drones.resize(static_cast<std::size_t>(s.p.drones));
   for (std::size_t i = 0; i < s.drones.size(); ++i) {
-    Drone& drone = s.drones[i];
+    DroneBody& drone = s.drones[i];
     drone.body = dBodyCreate(s.world);
     dMass mass;
     dMassSetParameters(&mass, b.mass_kg, 0, 0, 0, b.inertia_xy_kgm2, b.inertia_xy_kgm2, b.inertia_z_kgm2, 0, 0, 0);
@@ -100,7 +100,7 @@ World::World(const Parameters& parameters) : state_(std::make_unique<State>(para
 }
 
 World::~World() {
-  for (const Drone& drone : state_->drones) dGeomDestroy(drone.geom);
+  for (const DroneBody& drone : state_->drones) dGeomDestroy(drone.geom);
   dGeomDestroy(state_->ground);
   dJointGroupDestroy(state_->contacts);
   dWorldDestroy(state_->world);
@@ -130,12 +130,12 @@ void World::State::gusts() {
   const double dt = steps_per_gust * step_s;
   const double keep = std::exp(-dt / p.wind.gust_s);
   const double fresh = p.wind.gust_mps * std::sqrt(1 - keep * keep);
-  for (Drone& drone : drones)
+  for (DroneBody& drone : drones)
     for (int axis = 0; axis < 3; ++axis)
       drone.wind[axis] = keep * drone.wind[axis] + fresh * (axis == 2 ? 1.0 / 3 : 1.0) * random.normal();
   // Drawn only in a jet, so that drones that are never below another fly as they would without.
   const double lasts = std::exp(-dt / turbulence_s);
-  for (Drone& drone : drones) {
+  for (DroneBody& drone : drones) {
     drone.eddy *= lasts;
     const double speed_mps = drone.jet.norm();
     if (speed_mps < no_jet_mps) continue;
@@ -144,8 +144,8 @@ void World::State::gusts() {
   }
 }
 
-RotorLoss World::State::below_others(const Drone& drone) const {
-  const auto is_above = [&](const Drone& other) {
+RotorLoss World::State::below_others(const DroneBody& drone) const {
+  const auto is_above = [&](const DroneBody& other) {
     const Vector from = other.seen.position - drone.seen.position;
     return &other != &drone && other.thrust_n > 0 && from.z() > 0 &&
            from.head<2>().squaredNorm() < jet_reach_m * jet_reach_m;
@@ -153,13 +153,13 @@ RotorLoss World::State::below_others(const Drone& drone) const {
   if (p.air.jet_mps <= 0 || std::none_of(drones.begin(), drones.end(), is_above)) return {};
   return rotor_loss(p, drone.seen, drone.thrust_n, [&](const Vector& at) {
     Vector air = drone.eddy;
-    for (const Drone& other : drones)
+    for (const DroneBody& other : drones)
       if (is_above(other)) air += downwash(p, other.seen, other.thrust_n, at);
     return air;
   });
 }
 
-void World::State::forces(Drone& drone) const {
+void World::State::forces(DroneBody& drone) const {
   const BodyParameters& b = p.body;
   const double wanted = std::clamp(drone.wanted.thrust_n, 0.0, b.max_thrust_by_weight * b.mass_kg * gravity_mps2);
   drone.thrust_n += (wanted - drone.thrust_n) * step_s / b.motor_lag_s;
@@ -206,14 +206,14 @@ void World::State::touch(dGeomID a, dGeomID b) {
     dJointAttach(dJointCreateContact(world, contacts, &contact), dGeomGetBody(a), dGeomGetBody(b));
   }
   if (count > 0)
-    for (Drone& drone : drones)
+    for (DroneBody& drone : drones)
       if (drone.geom == a || drone.geom == b) drone.seen.touching = true;
 }
 
 void World::State::collide() {
   const double reach = p.body.length_m * std::sqrt(2.0) + p.body.height_m;
   for (std::size_t i = 0; i < drones.size(); ++i) {
-    Drone& drone = drones[i];
+    DroneBody& drone = drones[i];
     const bool awake = dBodyIsEnabled(drone.body) != 0;
     if (awake) drone.seen.touching = false;
     if (awake && drone.seen.position.z() < reach) touch(drone.geom, ground);
@@ -227,7 +227,7 @@ void World::State::collide() {
   }
 }
 
-void World::State::look(Drone& drone) const {
+void World::State::look(DroneBody& drone) const {
   const dReal* q = dBodyGetQuaternion(drone.body);
   drone.seen.attitude = Rotation(q[0], q[1], q[2], q[3]);
   drone.seen.velocity = to_vector(dBodyGetLinearVel(drone.body));
@@ -242,11 +242,11 @@ void World::State::look(Drone& drone) const {
 void World::step() {
   State& s = *state_;
   if (s.steps++ % steps_per_gust == 0) s.gusts();
-  for (Drone& drone : s.drones) s.forces(drone);
+  for (DroneBody& drone : s.drones) s.forces(drone);
   s.collide();
   dWorldStep(s.world, step_s);
   dJointGroupEmpty(s.contacts);
-  for (Drone& drone : s.drones)
+  for (DroneBody& drone : s.drones)
     if (dBodyIsEnabled(drone.body)) s.look(drone);
 }
 

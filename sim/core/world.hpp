@@ -7,8 +7,6 @@
 #include "common/base/random.hpp"
 #include "sim/core/parameters.hpp"
 
-// What the rotors' air does: the jet below a drone, and the cushion above the ground. Pure.
-
 namespace ledgerline::sim {
 
 using Vector = Eigen::Vector3d;
@@ -19,8 +17,8 @@ inline constexpr double gravity_mps2 = 9.80665;
 
 /// One drone's body. Map frame (x east, y north, z up); the body's own axes are x forward, y left, z up.
 struct Body {
-  Vector position = Vector::Zero();  ///< of the underside's middle: z is 0 on the ground
-  Vector velocity = Vector::Zero();
+  Vector position = Vector::Zero();          ///< of the underside's middle: z is 0 on the ground [m]
+  Vector velocity = Vector::Zero();          ///< map frame [m/s]
   Rotation attitude = Rotation::Identity();  ///< body to map
   Vector rates = Vector::Zero();             ///< angular velocity, body axes [rad/s]
   Vector specific_force = Vector::Zero();    ///< what an accelerometer feels, body axes [m/s2]
@@ -57,6 +55,8 @@ class World {
   struct State;
   std::unique_ptr<State> state_;
 };
+
+// From here on pure: angles, and what the rotors' air does, the jet below a drone and the cushion above the ground.
 
 /// Counter-clockwise from the map's x.
 double yaw_of(const Rotation& attitude);

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <nlohmann/json_fwd.hpp>
 #include <vector>
 
 #include "common/base/result.hpp"
@@ -28,6 +29,8 @@ class DroneWire {
   /// What cannot go is counted: UDP promises no more.
   virtual void send(const Outgoing& datagram) = 0;
   virtual std::uint64_t unsent() const = 0;
+  /// What it adds to the simulator's summary.
+  virtual void report_to(nlohmann::json&) const {}
 };
 
 /// One UDP socket a drone, each bound to its own address on port 8889: clients distinguish drones by the source address

@@ -96,7 +96,7 @@ class Record {
     }
   }
 
-  Status close(const Simulator& simulator, TimeNs max_late, std::uint64_t unsent) {
+  Status close(const Simulator& simulator, TimeNs max_late, const DroneWire* wire) {
     if (trace_) {
       if (auto flushed = trace_->flush(); !flushed) return flushed;
       if (trace_->dropped() > 0) spdlog::warn("the trace was full: {} records are not in it", trace_->dropped());
@@ -112,7 +112,8 @@ class Record {
                         {"crashed", truth.crashed},
                         {"battery", truth.battery}});
     }
-    const nlohmann::json summary{{"drones", drones}, {"max_late_ms", to_ms(max_late)}, {"unsent", unsent}};
+    nlohmann::json summary{{"drones", drones}, {"max_late_ms", to_ms(max_late)}, {"unsent", wire ? wire->unsent() : 0}};
+    if (wire) wire->report_to(summary);
     return write_file(options_.summary_file, summary.dump(2) + "\n");
   }
 
@@ -189,7 +190,7 @@ Status run_real_time(const ShellOptions& options, const OpenWire& open, const st
       if (now - tick > ns_per_ms) tick = now - (now - tick) % ns_per_ms;
     }
   }
-  return record.close(simulator, max_late, wire.unsent());
+  return record.close(simulator, max_late, &wire);
 }
 
 Status run_simulated_time(const ShellOptions& options, double seconds) {
@@ -217,7 +218,7 @@ Status run_simulated_time(const ShellOptions& options, double seconds) {
   const double wall_s = to_seconds(monotonic_ns() - began);
   print_line(
       {{"drones", simulator.drones()}, {"simulated_s", seconds}, {"wall_s", wall_s}, {"ratio", seconds / wall_s}});
-  return record.close(simulator, 0, 0);
+  return record.close(simulator, 0, nullptr);
 }
 
 void SimOptions::add_to(Arguments& arguments) {

@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-#include <ctime>
-
 #include "common/base/text.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/transaction.hpp"
@@ -13,8 +10,7 @@
 namespace ledgerline::audit {
 namespace {
 
-constexpr std::size_t max_shown = 200;              // of what others wrote
-constexpr std::int64_t max_time_s = 9'000'000'000;  // in ns it fits 64 bits
+constexpr std::size_t max_shown = 200;  // of what others wrote
 
 bool parse(std::string_view bytes, common::Block& block) {
   return bytes.size() <= INT32_MAX && block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
@@ -63,18 +59,6 @@ std::string to_text(const Finding& finding) {
   if (!finding.transaction) return fmt::format("block {}: {}", finding.block, finding.what);
   const std::string id = finding.tx_id.empty() ? "" : fmt::format(" ({})", printable(finding.tx_id, max_shown));
   return fmt::format("block {}, transaction {}{}: {}", finding.block, *finding.transaction, id, finding.what);
-}
-
-Result<TimeNs> time_from(const std::string& text) {
-  std::int64_t seconds = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
-  if (error == std::errc() && end == text.data() + text.size() && seconds >= 0 && seconds <= max_time_s)
-    return seconds * ns_per_s;
-  std::tm utc{};
-  const char* const rest = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%SZ", &utc);
-  if (rest == nullptr || *rest != '\0' || utc.tm_year < 70 || utc.tm_year > 350)
-    return Error{printable(text) + " is no time as 2026-11-29T01:02:03Z, nor seconds since 1970"};
-  return std::int64_t{::timegm(&utc)} * ns_per_s;
 }
 
 Result<ChainAudit> ChainAudit::start(Trust trust, TimeSpan span) {

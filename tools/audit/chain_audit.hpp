@@ -106,10 +106,13 @@ struct AuditRequest {
   std::set<std::string> drones{};  ///< that are reported; none: all
   TimeSpan span{};                 ///< that is reported
   bool reports(const std::string& drone) const { return drones.empty() || drones.contains(drone); }
+  /// What is counted where not the whole chain is reported: "in that time, of all drones"; empty: the whole chain.
+  std::string counted() const {
+    const bool all_times = span.is_from_the_start() && span.is_to_the_end();
+    if (drones.empty()) return all_times ? "" : "in that time";
+    return all_times ? "of all drones" : "in that time, of all drones";
+  }
 };
-
-/// Of "2026-11-29T01:02:03Z" or s since 1970, real time.
-Result<TimeNs> time_from(const std::string& text);
 
 /// For a terminal: one or two screens. The last line names the first finding, or says that there is none.
 std::string to_table(const ChainAudit& audit, const AuditRequest& asked);

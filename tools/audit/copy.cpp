@@ -58,7 +58,7 @@ class OneFile final : public node::Files {
     if (file < 0) return Error{path_ + ": cannot be read"};
     return std::unique_ptr<node::File>(std::make_unique<ReadOnlyFile>(file, path_));
   }
-  std::string place() const override { return fs::path(path_).parent_path().string(); }
+  std::string place() const override { return ""; }  // read_store() puts the path into messages
 
  private:
   std::string path_;
@@ -76,8 +76,10 @@ Result<Reading> read_store(const std::string& path, const OnBlock& on_block) {
       },
       [&](const std::string&) { reading.problem = "the copy ends in the middle of this block"; });
   if (store) return reading;
-  if (reading.blocks == 0) return store.error();
-  reading.problem = store.error().message;
+  std::string why = store.error().message;
+  if (why.starts_with("/blocks")) why.replace(0, std::string_view("/blocks").size(), path);
+  if (reading.blocks == 0) return Error{why};
+  reading.problem = std::move(why);
   return reading;
 }
 
@@ -119,8 +121,11 @@ Result<Reading> read_copy(const std::string& path, const OnBlock& on_block) {
   const fs::file_type type = fs::status(path, failed).type();
   if (type == fs::file_type::regular) return read_store(path, on_block);
   if (type != fs::file_type::directory) return Error{path + ": " + (failed ? failed.message() : "no file or folder")};
-  const std::string inside = (fs::path(path) / "blocks").string();
-  if (fs::is_regular_file(inside, failed)) return read_store(inside, on_block);
+  for (const char* inside :
+       {"blocks", "ledger/blocks", "ledger/ledger/blocks"}) {  // the node's folders, and a flight's
+    const std::string file = (fs::path(path) / inside).string();
+    if (fs::is_regular_file(file, failed)) return read_store(file, on_block);
+  }
   const auto newest = newest_in(path);
   if (!newest) return newest.error();
   if (!*newest) return Error{path + ": has neither a file \"blocks\" nor 0.block, 1.block ..."};

@@ -29,7 +29,7 @@ json to_json(const std::map<int, std::uint64_t>& codes) {
 json to_json(const FirstOnes<Event>& events) {
   json out = json::array();
   for (const Event& event : events.all())
-    out.push_back({{"what", event.what}, {"who", event.who}, {"when", to_json(event.when)}});
+    out.push_back({{"what", event.what}, {"object", event.object}, {"who", event.who}, {"when", to_json(event.when)}});
   return out;
 }
 
@@ -131,6 +131,7 @@ json to_json(const ChainAudit& audit, const AuditRequest& asked) {
             {"source", asked.source},
             {"anchor", asked.anchor},
             {"drones", asked.drones},
+            {"counted", asked.counted()},
             {"from_s", asked.span.is_from_the_start() ? json() : json(to_seconds(asked.span.from_ns))},
             {"to_s", asked.span.is_to_the_end() ? json() : json(to_seconds(asked.span.to_ns))}}},
           {"first_difference", audit.findings().empty() ? json() : json(to_text(audit.findings().front()))},

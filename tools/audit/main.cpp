@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/file.hpp"
+#include "common/base/utc.hpp"
 #include "common/fabric/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -41,7 +42,7 @@ struct Plan {
 /// An empty one leaves `time_ns` as it is.
 Status read_time(const char* option, const std::string& text, TimeNs& time_ns) {
   if (text.empty()) return done;
-  const auto time = time_from(text);
+  const auto time = parse_time_ns(text);
   if (!time) return Error{fmt::format("{}: {}", option, time.error().message)};
   time_ns = *time;
   return done;
@@ -50,13 +51,13 @@ Status read_time(const char* option, const std::string& text, TimeNs& time_ns) {
 Result<Plan> make_plan(const Options& options) {
   Plan plan;
   plan.trust.channel = options.channel;
-  plan.asked.source = options.blocks;
+  plan.asked.source = "the copy in " + options.blocks;
   if (!options.config.empty()) {
     auto ledger = fabric::load_ledger_config(options.config);
     if (!ledger) return ledger.error();
     plan.trust.channel = ledger->where.channel;
     plan.trust.anchor = ledger->config_block;
-    plan.asked.source = ledger->endpoint;
+    plan.asked.source = "the peer at " + ledger->endpoint;
     if (!ledger->config_block.empty()) plan.asked.anchor = "config_block of " + options.config;
     plan.peer = std::move(*ledger);
   }
@@ -123,8 +124,8 @@ constexpr const char* notes = R"(Examples:
   ledgerline audit --config operator.toml --save copy
   ledgerline audit --blocks copy --anchor teleop.block --drone tello1 --from 2026-11-29T01:02:03Z --json flight.json
   ledgerline audit --blocks copy --anchor teleop.block
-  ledgerline audit --blocks /tmp/ledger/ledger/blocks --anchor /tmp/ledger/teleop.block --json -
-A copy: the blocks file of a ledgerline-node that has ended, or a folder with 0.block, 1.block ... as --save and
+  ledgerline audit --blocks OUT --anchor OUT/ledger/teleop.block --json -       # of ledgerline fly --out OUT
+A copy: the folder of a ledgerline-node or flight that has ended, or one with 0.block, 1.block ... as --save and
 `peer channel fetch N` write them. Without flags (an orderer's blocks) there is nothing to compare verdicts with.
 Exit codes: 0 nothing found; 1 something is not as it must be: the last line names the first such thing;
 2 bad usage, or nothing that can be read.)";
@@ -132,13 +133,13 @@ Exit codes: 0 nothing found; 1 something is not as it must be: the last line nam
 void add_options(CommandLine& line, Options& o) {
   line.option("--config", o.config, "TOML file with [ledger], as of ledgerline control: audit what that peer has")
       .existing_file();
-  line.option("--blocks", o.blocks, "Audit this copy of a chain");
+  line.option("--blocks", o.blocks, "Audit this copy of a chain").existing_path();
   line.option("--anchor", o.anchor, "A config block of the channel that you trust (CHANNEL.block)").existing_file();
   line.flag("--trust-first-block", o.trust_first_block, "Without an anchor: take the chain's first block as it is");
   line.option("--channel", o.channel, "The channel of a copy").shows_default();
   line.option("--drone", o.drones, "Tell of this one alone; may be given again. The whole chain is checked")
       .one_at_a_time();
-  line.option("--from", o.from, "Tell of what is claimed to be from then on: 2026-11-29T01:02:03Z, or s since 1970");
+  line.option("--from", o.from, "Tell of what is claimed to be from then on: 2026-11-29T01:02:03.5Z, or s since 1970");
   line.option("--to", o.to, "And of nothing behind that");
   line.option("--save", o.save, "Write every block into this folder, for later audits");
   line.option("--timeout", o.timeout_s, "Seconds without a block after which a peer's chain ends")

@@ -7,6 +7,7 @@
 
 #include "common/access/access.hpp"
 #include "common/base/text.hpp"
+#include "common/base/utc.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
@@ -99,7 +100,31 @@ typename Map::mapped_type* bounded_entry(Map& map, const typename Map::key_type&
   return map.size() < max ? &map[key] : nullptr;
 }
 
+/// Of an anchor before: a mission's approval that its words have not ended yet, or what withdraws one.
+bool stands_at(const std::string& words, TimeNs from_ns) {
+  if (!words.starts_with("mission ")) return false;
+  if (words.find(" may not be flown any more at ") != std::string::npos) return true;
+  const std::string until = " may be flown until ";
+  const auto at = words.find(until);
+  if (at == std::string::npos) return false;
+  const auto begin = at + until.size();
+  const auto end_s = parse_time_s(words.substr(begin, words.find(' ', begin) - begin));
+  return end_s && *end_s * ns_per_s >= from_ns;
+}
+
 std::string action_text(Action action) { return action == TAKEOFF ? "take-off" : "landing"; }
+
+/// Whom a control function is about, beside the drone.
+std::string object_text(const access::CallMessage& message) {
+  const auto named = [](const Identity& identity) {
+    return identity.subject().empty() ? printable(identity.msp_id(), max_name) : text_of(to_name(identity));
+  };
+  if (const auto* enrolled = std::get_if<EnrollCall>(&message)) return "on host " + named(enrolled->identity());
+  if (const auto* granted = std::get_if<GrantCall>(&message))
+    return fmt::format("to {}: {}", named(granted->grant().to()), rights_text(granted->grant()));
+  if (const auto* answered = std::get_if<AnswerCall>(&message)) return "to " + named(answered->to());
+  return "";
+}
 
 /// Who signed a command; where it did so in a holder's place, for whom.
 std::string commander_text(const crypto::IdentityName& signer, const DronePlan& plan,
@@ -151,7 +176,7 @@ Status ChainReport::add(const ValidationResult& result, const fabric::Transactio
   if (!valid) return done;
   const Moment when = moment_of(result, tx);
   if (tx.function == contract::set) add_set(tx, when);
-  if (tx.function == contract::anchor && is_in_span_) add_anchor(tx, who, when);
+  if (tx.function == contract::anchor) add_anchor(tx, who, when);
   if (verification::is_control_event(tx.event_name)) return add_control(tx, creator, when);
   return done;
 }
@@ -227,6 +252,7 @@ void ChainReport::add_set(const fabric::Transaction& tx, const Moment& when) {
 void ChainReport::add_anchor(const fabric::Transaction& tx, const std::string& who, const Moment& when) {
   AnchorCall call;
   if (tx.args.size() != 1 || !parse_message(tx.args[0], call)) return;
+  if (!is_in_span_ && (when.time_ns > span_.to_ns || !stands_at(call.what(), span_.from_ns))) return;
   anchors_.add(
       {fmt::format("\"{}\", SHA-256 {}", printable(call.what(), max_name), crypto::hex(call.digest())), who, when});
 }
@@ -270,7 +296,7 @@ Status ChainReport::add_control(const fabric::Transaction& tx, const access::Cal
         !follows(after.drone(), verification::control_follows(*event, *report->record, after, creator)))
       continue;
     if (tx.function != contract::acquire && tx.function != contract::release && is_in_span_)
-      report->events.add({event->call.function, who, when});
+      report->events.add({event->call.function, who, when, object_text(event->call.message)});
     add_record(after, by, when);
   }
   for (const Stop& stop : event->stops.stops()) {

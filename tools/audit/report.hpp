@@ -124,6 +124,7 @@ struct Tenure {
 struct Event {
   std::string what, who;
   Moment when;
+  std::string object{};  ///< whom it is about: "to Org2MSP/User1: stop"; empty: the drone alone
 };
 struct Commands {
   std::uint64_t valid = 0;
@@ -205,7 +206,8 @@ class ChainReport {
   const std::map<std::string, std::uint64_t>& functions() const { return functions_; }
   /// Roles given and taken.
   const FirstOnes<Event>& roles() const { return roles_; }
-  /// Of missions' approvals, of files and the like: what their signers called them.
+  /// Of missions' approvals, of files and the like: what their signers called them. Approvals of before that have not
+  /// ended when the span begins are among them.
   const FirstOnes<Event>& anchors() const { return anchors_; }
   TimeNs first_ns() const { return first_ns_; }
   TimeNs last_ns() const { return last_ns_; }

@@ -2,8 +2,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <ctime>
 
+#include "common/msg/contract.hpp"
 #include "common/msg/names.hpp"
 #include "tools/audit/chain_audit.hpp"
 
@@ -13,6 +15,8 @@ namespace {
 constexpr std::size_t max_lines = 6;  // of a drone's lists: the page and --json have them whole
 constexpr std::size_t max_drones = 8;
 constexpr std::size_t max_findings = 20;
+constexpr std::array<std::string_view, 4> kept_functions{contract::stop, contract::clear_stop, contract::evict,
+                                                         contract::apply_stops};
 
 std::string time_text(TimeNs time_ns) {
   if (time_ns <= 0) return "at no time";
@@ -32,6 +36,13 @@ std::string codes_text(const std::map<int, std::uint64_t>& codes) {
   return text;
 }
 
+/// How many there are beside those that are shown, and where they are; nothing where that is all.
+std::string rest_text(std::uint64_t count, std::size_t shown, std::size_t listed) {
+  if (count <= shown) return "";
+  return fmt::format("    and {} more: --json or --html has {}\n", count - shown,
+                     count == listed ? "all" : fmt::format("{} of all {}", listed, count));
+}
+
 /// The first lines, and how many there are beside them.
 template <typename List, typename Line>
 std::string some(const List& list, std::uint64_t count, const Line& line) {
@@ -42,7 +53,35 @@ std::string some(const List& list, std::uint64_t count, const Line& line) {
     text += "    " + line(one) + "\n";
     ++shown;
   }
-  return count > shown ? text + fmt::format("    and {} more\n", count - shown) : text;
+  return text + rest_text(count, shown, list.size());
+}
+
+std::string event_line(const Event& e) {
+  return fmt::format("{}{}{} by {}, {}", e.what, e.object.empty() ? "" : " ", e.object, e.who, where(e.when));
+}
+std::string event_line_with_id(const Event& e) { return event_line(e) + ", transaction " + e.when.tx_id; }
+
+/// What is never left out: who stopped a drone, who ended that, who took its lease away.
+bool is_kept(const Event& e) {
+  return e.what == "cut" || std::ranges::find(kept_functions, e.what) != kept_functions.end();
+}
+
+/// In the chain's order, as many as fit: what is kept before all else, enrolments and grants last.
+std::string events_text(const FirstOnes<Event>& events, std::size_t max) {
+  const auto rank = [](const Event* e) {
+    return is_kept(*e) ? 0 : e->what == contract::enroll || e->what == contract::grant ? 2 : 1;
+  };
+  std::vector<const Event*> shown;
+  for (const Event& event : events.all()) shown.push_back(&event);
+  std::ranges::stable_sort(shown, {}, rank);
+  const auto kept = static_cast<std::size_t>(std::ranges::count(shown, 0, rank));
+  shown.resize(std::min(shown.size(), std::max(kept, max)));
+  std::ranges::sort(shown);
+  std::string text;
+  for (const Event* event : shown)
+    text += fmt::format("    {}\n",
+                        is_kept(*event) || event->what == "landing" ? event_line_with_id(*event) : event_line(*event));
+  return text + rest_text(events.count(), shown.size(), events.all().size());
 }
 
 std::string holder_line(const Tenure& t) {
@@ -60,8 +99,7 @@ std::string drone_text(const std::string& drone_name, const DroneReport& drone) 
     return fmt::format("commands of {}: {} valid{}; {} to {}", entry.first, c.valid, codes_text(c.invalid),
                        where(c.first), where(c.last));
   });
-  text += some(drone.events.all(), drone.events.count(),
-               [](const Event& w) { return fmt::format("{} by {}, {}", w.what, w.who, where(w.when)); });
+  text += events_text(drone.events, max_lines);
   text += some(drone.transitions.all(), drone.transitions.count(), [](const Change& c) {
     const Transition& t = c.transition;
     return fmt::format("failsafe {}: {}, {}, {}; {}", t.number, name(t.phase), name(t.mode), name(t.cause),
@@ -81,12 +119,13 @@ std::string drone_text(const std::string& drone_name, const DroneReport& drone) 
   return text;
 }
 
-std::string refusals_text(const ChainReport& report) {
+std::string refusals_text(const ChainReport& report, const std::string& counted) {
   if (report.refusals().empty()) return "";
   std::vector<std::pair<ChainReport::RefusalKey, Refusals>> all(report.refusals().begin(), report.refusals().end());
   std::stable_sort(all.begin(), all.end(),
                    [](const auto& a, const auto& b) { return a.second.count > b.second.count; });
-  return "\n  invalid transactions\n" + some(all, all.size() + report.refusals_left_out(), [](const auto& entry) {
+  return fmt::format("\n  invalid transactions{}\n", counted) +
+         some(all, all.size() + report.refusals_left_out(), [](const auto& entry) {
            const auto& [key, r] = entry;
            return fmt::format("{} {} of {}: {} ({}); first in {}", r.count,
                               key.function.empty() ? "calls" : key.function, key.who, code_name(key.code), r.why,
@@ -111,15 +150,17 @@ std::string findings_text(const ChainAudit& audit) {
 std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
   const Counts& c = audit.counts();
   const ChainReport& report = audit.report();
-  std::string text = fmt::format("channel {}, {}: {} blocks, {} of them configurations; newest {}\n", asked.channel,
-                                 asked.source, c.blocks, c.config_blocks, audit.newest_hash());
+  std::string text = fmt::format("channel {}, from {}: {} blocks, {} of them configurations; newest {}\n",
+                                 asked.channel, asked.source, c.blocks, c.config_blocks, audit.newest_hash());
   text += asked.anchor.empty() ? "  NO TRUST ANCHOR: the first block was taken as it is, so the author of this chain "
                                  "may have made up all of it\n"
                                : fmt::format("  trust anchor: {}\n", asked.anchor);
   if (!asked.drones.empty()) text += fmt::format("  reported: {} alone\n", fmt::join(asked.drones, ", "));
   if (!asked.span.is_from_the_start()) text += fmt::format("  reported from {} on\n", time_text(asked.span.from_ns));
   if (!asked.span.is_to_the_end()) text += fmt::format("  reported to {}\n", time_text(asked.span.to_ns));
-  text += fmt::format("  {} transactions with {} endorsements: {} valid{}\n", c.transactions, c.endorsements, c.valid,
+  const std::string counted = asked.counted().empty() ? "" : " " + asked.counted();
+  text += fmt::format("  {}{} transactions with {} endorsements: {} valid{}\n",
+                      counted.empty() ? "" : "the whole chain: ", c.transactions, c.endorsements, c.valid,
                       codes_text(c.invalid));
   if (report.first_ns() > 0)
     text +=
@@ -127,26 +168,30 @@ std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
   if (c.without_flags > 0) text += fmt::format("  {} blocks have no flags to compare with\n", c.without_flags);
   std::string functions;
   for (const auto& [name, count] : report.functions()) functions += fmt::format(" {} {}", count, name);
-  if (!functions.empty()) text += "  valid:" + functions + "\n";
-  text += some(report.roles().all(), report.roles().count(),
-               [](const Event& w) { return fmt::format("{} by {}, {}", w.what, w.who, where(w.when)); });
+  if (!functions.empty()) text += fmt::format("  valid{}:{}\n", counted, functions);
+  text += some(report.roles().all(), report.roles().count(), event_line);
   if (report.anchors().count() > 0)
-    text += "  anchored:\n" + some(report.anchors().all(), report.anchors().count(), [](const Event& w) {
-              return fmt::format("{} by {}, {}", w.what, w.who, where(w.when));
-            });
-  std::size_t shown = 0, quiet = 0;
+    text += "  anchored:\n" + some(report.anchors().all(), report.anchors().count(), event_line_with_id);
+  const std::string never =
+      asked.span.is_from_the_start() && asked.span.is_to_the_end() ? "never flew" : "did not fly in that time";
+  std::size_t shown = 0, quiet = 0, beyond = 0;
   for (const auto& [name, drone] : report.drones()) {
     if (!asked.reports(name)) continue;
-    const bool moved = drone.states > 0 || drone.holders.count() > 0 || !drone.commands.empty();
-    if (moved && shown < max_drones) {
-      text += drone_text(name, drone);
+    const bool flew = drone.states > 0 || !drone.commands.empty();
+    const bool kept = std::ranges::any_of(drone.events.all(), is_kept);
+    if (!flew && !kept && drone.holders.count() == 0 && asked.drones.empty()) {
+      ++quiet;
+    } else if (shown < max_drones || !asked.drones.empty()) {
+      text += drone_text(name, drone) + (flew ? "" : fmt::format("    enrolled, but {}\n", never));
       ++shown;
     } else {
-      ++quiet;
+      ++beyond;
+      if (kept) text += fmt::format("\n  {}:\n", name) + events_text(drone.events, 0);
     }
   }
-  if (quiet > 0) text += fmt::format("\n  {} drones more, enrolled or beyond what fits here\n", quiet);
-  return text + refusals_text(report) + findings_text(audit);
+  if (quiet > 0) text += fmt::format("\n  {} enrolled drones {}\n", quiet, never);
+  if (beyond > 0) text += fmt::format("\n  {} drones more than fit here: --json or --html has all\n", beyond);
+  return text + refusals_text(report, counted) + findings_text(audit);
 }
 
 }  // namespace ledgerline::audit

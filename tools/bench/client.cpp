@@ -146,8 +146,8 @@ class Side {
     for (agent::Event& event : mailbox_.pop_all()) {
       if (const auto* block = std::get_if<fabric::Block>(&event)) {
         on_block(*block);
-      } else if (const auto* ended = std::get_if<agent::FrameEnded>(&event)) {
-        (void)batcher_.finished(monotonic_ns(), ended->frame, ended->outcome);
+      } else if (const auto* ended = std::get_if<agent::CallEnded>(&event)) {
+        (void)batcher_.finished(monotonic_ns(), ended->call_number, ended->outcome);
         if (ended->outcome.kind != fabric::Outcome::Kind::committed) why_ = ended->outcome.message;
       } else if (const auto* state = std::get_if<agent::StreamState>(&event)) {
         connected_ = state->connected;
@@ -194,12 +194,12 @@ class Side {
     const auto frame = batcher_.next(monotonic_ns());
     if (!frame) return;
     client_->submit(encode(*frame), [this, number = frame->number](fabric::Outcome outcome) {
-      mailbox_.put(agent::FrameEnded{number, std::move(outcome)});
+      mailbox_.put(agent::CallEnded{number, std::move(outcome)});
     });
   }
 
-  /// As agent::encode_frame does, with the exchange's messages in place of ROS 2's.
-  fabric::Call encode(const agent::Frame& frame) const {
+  /// As agent::encode_batch does, with the exchange's messages in place of ROS 2's.
+  fabric::Call encode(const agent::StateBatch& frame) const {
     SetCall call;
     call.set_stream(true);
     for (const auto* samples : {&frame.samples, &frame.repeated}) {
@@ -213,7 +213,7 @@ class Side {
     return {.function = contract::set,
             .args = {call.SerializeAsString()},
             .reported_by_block = true,
-            .need = verification::frame_need()};
+            .need = verification::batch_need()};
   }
 
   const bool is_a_;

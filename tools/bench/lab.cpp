@@ -63,12 +63,12 @@ std::uint64_t count_in(const json& object, const char* key) {
 
 }  // namespace
 
-Network::Network(Place place, Settings settings, fs::path dir, const std::atomic<int>& interrupts)
-    : place_(std::move(place)),
+Network::Network(LabPaths paths, Settings settings, fs::path dir, const std::atomic<int>& interrupts)
+    : paths_(std::move(paths)),
       settings_(settings),
       dir_(std::move(dir)),
       interrupts_(interrupts),
-      name_(place_.embedded ? "node" : "fabric"),
+      name_(paths_.embedded ? "node" : "fabric"),
       children_([this](const std::string&, const std::string& line) { ready_ = line; }) {}
 
 Network::~Network() {
@@ -99,13 +99,13 @@ Status Network::up() {
                                    "--summary",       dir_ / "summary.json",
                                    "--batch-count",   std::to_string(settings_.batch_count),
                                    "--batch-timeout", std::to_string(settings_.batch_timeout_ms)};
-  if (place_.embedded) {
-    command.insert(command.begin(), place_.programs / "ledgerline-node");
+  if (paths_.embedded) {
+    command.insert(command.begin(), paths_.programs / "ledgerline-node");
     command.insert(command.end(), {"--listen", "127.0.0.1:0"});
   } else {
-    command.insert(command.begin(), {place_.programs / "ledgerline", "fabric", "run"});
-    command.insert(command.end(), {"--tools", place_.fabric, "--orderers", std::to_string(settings_.orderers)});
-    command.insert(command.end(), place_.network_options.begin(), place_.network_options.end());
+    command.insert(command.begin(), {paths_.programs / "ledgerline", "fabric", "run"});
+    command.insert(command.end(), {"--tools", paths_.fabric, "--orderers", std::to_string(settings_.orderers)});
+    command.insert(command.end(), paths_.network_options.begin(), paths_.network_options.end());
   }
   if (auto s = children_.start({name_, command, dir_ / (name_ + ".log"), SIGTERM}); !s) return s;
   if (auto s = wait_for_line(name_, network_limit_ns); !s) return s;
@@ -118,9 +118,9 @@ Status Network::up() {
     }
     return list;
   };
-  peers_ = texts(place_.embedded ? "endpoint" : "peers");
+  peers_ = texts(paths_.embedded ? "endpoint" : "peers");
   endorsers_ = texts("peers");
-  orderers_ = texts(place_.embedded ? "endpoint" : "orderers");
+  orderers_ = texts(paths_.embedded ? "endpoint" : "orderers");
   if (peers_.empty() || orderers_.empty() || endorsers_.size() < 2)
     return Error{name_ + " did not say its endpoints: " + ready_};
   return enroll();
@@ -159,7 +159,7 @@ Network::Access Network::access(int organisation, const std::string& user) const
           .tls_ca = peer_ca,
           .msp_id = identities::msp_id_of(organisation),
           .msp_dir = identities::user_dir(ledger, organisation, user) / "msp",
-          .orderer_tls_ca = place_.embedded ? peer_ca : tls_ca_of(identities::ordering_dir(ledger), "ledgerline"),
+          .orderer_tls_ca = paths_.embedded ? peer_ca : tls_ca_of(identities::ordering_dir(ledger), "ledgerline"),
           .config_block = ledger + "/teleop.block",
           .orderers = orderers_,
           .endorsers = {endorser(organisation), endorser(organisation == 1 ? 2 : 1)}};
@@ -172,7 +172,7 @@ Status Network::enroll() {
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(access(2).msp_dir + "/signcerts", error)) certificate = entry.path();
   if (auto s = write_file(dir_ / "admin.toml", ledger_table(admin)); !s) return s;
-  std::vector<std::string> command{place_.programs / "ledgerline",
+  std::vector<std::string> command{paths_.programs / "ledgerline",
                                    "control",
                                    "--config",
                                    dir_ / "admin.toml",
@@ -205,9 +205,9 @@ namespace {
 /// The two clients of a run, and what they have said so far.
 class Pair {
  public:
-  Pair(const Place& place, const Network& network, const Competitor& competitor, const Schedule& schedule, fs::path dir,
-       const std::atomic<int>& interrupts)
-      : place_(place),
+  Pair(const LabPaths& paths, const Network& network, const Competitor& competitor, const Schedule& schedule,
+       fs::path dir, const std::atomic<int>& interrupts)
+      : paths_(paths),
         network_(network),
         competitor_(competitor),
         schedule_(schedule),
@@ -260,7 +260,7 @@ class Pair {
     const fs::path config = dir_ / (name + ".toml");
     if (auto s = write_file(config, network_.endorser_config(organisation, dir_ / (name + ".json"))); !s) return s;
     endorsers_[name];
-    const Children::Program program{name, {place_.programs / "ledgerline-endorser", config}, log(name), SIGKILL};
+    const Children::Program program{name, {paths_.programs / "ledgerline-endorser", config}, log(name), SIGKILL};
     if (auto s = children_.start(program); !s) return s;
     return wait_for(name, [&] { return !endorsers_[name].empty(); });
   }
@@ -310,7 +310,7 @@ class Pair {
                             toml((network_.endorser_dir(name == "a" ? 1 : 2) / "msp").string()),
                             toml((dir_ / (name + "-endorser.json")).string()));
       if (auto s = write_file(config, text); !s) return s;
-      program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
+      program.command = {paths_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};
     } else {
       const char* way = competitor_.design == Design::direct    ? "direct"
@@ -326,9 +326,9 @@ class Pair {
                         {"endorsers", endorsers},
                         {"orderer", access.orderers.front()},
                         {"ordererTlsCa", access.orderer_tls_ca},
-                        {"pollMs", place_.poll_ms}};
-      program.command = {place_.node, place_.script, name, write_schedule(schedule_), ledger.dump()};
-      program.environment = {"NODE_PATH=" + (place_.npm / "node_modules").string()};
+                        {"pollMs", paths_.poll_ms}};
+      program.command = {paths_.node, paths_.script, name, write_schedule(schedule_), ledger.dump()};
+      program.environment = {"NODE_PATH=" + (paths_.npm / "node_modules").string()};
     }
     if (auto s = children_.start(program); !s) return s;
     return wait_for(name, [&] { return sides_[name].process != 0; });
@@ -380,7 +380,7 @@ class Pair {
     run_.replaced = count_in(counts, "replaced");
   }
 
-  const Place& place_;
+  const LabPaths& paths_;
   const Network& network_;
   const Competitor& competitor_;
   const Schedule& schedule_;
@@ -395,9 +395,9 @@ class Pair {
 
 }  // namespace
 
-Result<Turn> exchange(const Place& place, const Network& network, const Competitor& competitor,
+Result<Turn> exchange(const LabPaths& paths, const Network& network, const Competitor& competitor,
                       const Schedule& schedule, const fs::path& dir, const std::atomic<int>& interrupts) {
-  return Pair(place, network, competitor, schedule, dir, interrupts).run();
+  return Pair(paths, network, competitor, schedule, dir, interrupts).run();
 }
 
 }  // namespace ledgerline::bench

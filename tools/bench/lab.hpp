@@ -13,7 +13,7 @@
 namespace ledgerline::bench {
 
 /// Where everything is.
-struct Place {
+struct LabPaths {
   std::filesystem::path dir;       ///< of networks and clients, made here
   std::filesystem::path programs;  ///< ledgerline, ledgerline-node, two_way_client
   std::filesystem::path fabric;    ///< Fabric's own programs
@@ -36,7 +36,7 @@ class Network {
   };
   static Settings settings(bool published) { return published ? Settings{3, 10, 2000} : Settings{}; }
 
-  Network(Place place, Settings settings, std::filesystem::path dir, const std::atomic<int>& interrupts);
+  Network(LabPaths paths, Settings settings, std::filesystem::path dir, const std::atomic<int>& interrupts);
   ~Network();
   /// From nothing until its contract answers, with names enrolled for both sides.
   Status up();
@@ -66,7 +66,7 @@ class Network {
   Status wait_for_line(const std::string& name, TimeNs limit_ns);
   Status enroll();
 
-  Place place_;
+  LabPaths paths_;
   Settings settings_;
   std::filesystem::path dir_;
   const std::atomic<int>& interrupts_;
@@ -77,7 +77,7 @@ class Network {
 
 /// Both clients of a competitor on a network, once. An error: they did not start, or it was interrupted; whatever
 /// happens later is in the run.
-Result<Turn> exchange(const Place& place, const Network& network, const Competitor& competitor,
+Result<Turn> exchange(const LabPaths& paths, const Network& network, const Competitor& competitor,
                       const Schedule& schedule, const std::filesystem::path& dir, const std::atomic<int>& interrupts);
 
 }  // namespace ledgerline::bench

@@ -52,44 +52,44 @@ Exit codes: 0 measured (a client that collapses is a figure), 1 failed or interr
 void find_programs(Options& o) {
   std::error_code error;
   const fs::path build = build_or_prefix().parent_path();
-  o.place.programs = programs_directory();
-  o.place.script = build.parent_path() / "tools/bench/node/client.cjs";
-  if (o.place.fabric.empty()) o.place.fabric = build / "fabric";
-  if (o.place.npm.empty()) o.place.npm = build / "npm";
-  o.place.node = find_program("node");
-  o.place.embedded = o.ledger == "embedded";
+  o.paths.programs = programs_directory();
+  o.paths.script = build.parent_path() / "tools/bench/node/client.cjs";
+  if (o.paths.fabric.empty()) o.paths.fabric = build / "fabric";
+  if (o.paths.npm.empty()) o.paths.npm = build / "npm";
+  o.paths.node = find_program("node");
+  o.paths.embedded = o.ledger == "embedded";
   if (o.dir.empty()) {
     const bool shared_memory = ::access("/dev/shm", W_OK) == 0;
     o.dir = fmt::format("{}/ledgerline-bench-{}", shared_memory ? "/dev/shm" : "/tmp", ::getpid());
   }
-  o.place.dir = fs::absolute(o.dir, error);
+  o.paths.dir = fs::absolute(o.dir, error);
 }
 
 Status check(const Options& o) {
-  if (!fs::exists(o.place.programs / "two_way_client"))
-    return Error{"bench needs the source tree: " + (o.place.programs / "two_way_client").string() + " is of its build"};
+  if (!fs::exists(o.paths.programs / "two_way_client"))
+    return Error{"bench needs the source tree: " + (o.paths.programs / "two_way_client").string() + " is of its build"};
   const bool baselines = std::any_of(o.clients.begin(), o.clients.end(),
                                      [](const auto& id) { return find_competitor(id)->design != Design::ledgerline; });
-  if (baselines && o.place.node.empty()) return Error{"node is not on PATH: the baselines need Node.js 20.9 or newer"};
-  const fs::path client = o.place.npm / "node_modules/@hyperledger/fabric-gateway";
+  if (baselines && o.paths.node.empty()) return Error{"node is not on PATH: the baselines need Node.js 20.9 or newer"};
+  const fs::path client = o.paths.npm / "node_modules/@hyperledger/fabric-gateway";
   if (baselines && !fs::exists(client)) {
     return Error{client.string() +
                  " is missing: ./run-tests installs it, or npm ci in a copy of tests/system/conformance"};
   }
-  if (baselines && !fs::exists(o.place.script)) return Error{o.place.script.string() + " is missing"};
+  if (baselines && !fs::exists(o.paths.script)) return Error{o.paths.script.string() + " is missing"};
   const bool endorsers = std::any_of(o.clients.begin(), o.clients.end(), [](const auto& id) {
     return find_competitor(id)->endorser != Competitor::Endorser::none;
   });
-  if (endorsers && o.place.embedded)
+  if (endorsers && o.paths.embedded)
     return Error{"an organisation's own endorser is for Fabric: the embedded node endorses within itself"};
-  if (!o.place.embedded && !fs::exists(o.place.fabric / "peer")) {
-    return Error{(o.place.fabric / "peer").string() + " is missing: scripts/fabric-tools builds it"};
+  if (!o.paths.embedded && !fs::exists(o.paths.fabric / "peer")) {
+    return Error{(o.paths.fabric / "peer").string() + " is missing: scripts/fabric-tools builds it"};
   }
-  if (o.place.embedded && !o.place.network_options.empty()) {
-    return Error{"--network is for Fabric: the embedded node knows no " + o.place.network_options.front()};
+  if (o.paths.embedded && !o.paths.network_options.empty()) {
+    return Error{"--network is for Fabric: the embedded node knows no " + o.paths.network_options.front()};
   }
-  if (fs::exists(o.place.dir) && !fs::is_empty(o.place.dir)) {
-    return Error{o.place.dir.string() + " is not empty; give a directory that is, or does not exist"};
+  if (fs::exists(o.paths.dir) && !fs::is_empty(o.paths.dir)) {
+    return Error{o.paths.dir.string() + " is not empty; give a directory that is, or does not exist"};
   }
   return done;
 }
@@ -106,12 +106,12 @@ Status prepare(Options& options) {
 /// `given`: the directory was, so it stays.
 int finish(const Status& status, const Options& options, bool given) {
   if (!status && stop_requests == 0) {
-    spdlog::error("{} (logs and ledgers are left in {})", status.error().message, options.place.dir.string());
+    spdlog::error("{} (logs and ledgers are left in {})", status.error().message, options.paths.dir.string());
     return 1;
   }
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(options.place.dir, error)) fs::remove_all(entry.path(), error);
-  if (!given) fs::remove(options.place.dir, error);
+  for (const auto& entry : fs::directory_iterator(options.paths.dir, error)) fs::remove_all(entry.path(), error);
+  if (!given) fs::remove(options.paths.dir, error);
   if (!status) spdlog::error("{}", status.error().message);
   return status ? 0 : 1;
 }
@@ -143,7 +143,7 @@ void add_options(Verb verb, Options& o) {
   }
   verb.option("--rates", o.rates, "msg/s of both directions together").comma_list().within(2, 1100).shows_default();
   verb.option("--clients", o.clients, "Who is measured, see below").comma_list().one_of(ids).shows_default();
-  verb.option("--poll-ms", o.place.poll_ms, "Polling: pause between an answer and the next question")
+  verb.option("--poll-ms", o.paths.poll_ms, "Polling: pause between an answer and the next question")
       .within(0.0, 10'000.0)
       .shows_default();
   verb.option("--seconds", o.seconds, "Measured time of a run").within(0.5, 3600.0).shows_default();
@@ -157,13 +157,13 @@ void add_options(Verb verb, Options& o) {
   verb.option("--ledger", o.ledger, "fabric, or embedded for a quick look")
       .one_of({"fabric", "embedded"})
       .shows_default();
-  verb.option("--network", o.place.network_options,
+  verb.option("--network", o.paths.network_options,
               "One more word for `ledgerline fabric run`, for all clients: --network=--no-history")
       .one_at_a_time();
   verb.option("--dir", o.dir, "For ledgers and logs, empty or new [a new one under /dev/shm]");
   verb.option("--json", o.json, "Raw numbers and summary go here, after each run");
-  verb.option("--fabric", o.place.fabric, "Fabric's own programs [build/fabric]");
-  verb.option("--npm", o.place.npm, "Where node_modules is [build/npm]");
+  verb.option("--fabric", o.paths.fabric, "Fabric's own programs [build/fabric]");
+  verb.option("--npm", o.paths.npm, "Where node_modules is [build/npm]");
 }
 
 }  // namespace

@@ -18,8 +18,8 @@ using nlohmann::json;
 
 Status Measurement::run() {
   std::error_code error;
-  std::filesystem::create_directories(o_.place.dir, error);
-  const auto storage = node::storage_kind(o_.place.dir);
+  std::filesystem::create_directories(o_.paths.dir, error);
+  const auto storage = node::storage_kind(o_.paths.dir);
   if (!storage) return storage.error();
   storage_ = *storage;
   for (int alternation = 0; alternation < o_.alternations; ++alternation) {
@@ -61,8 +61,8 @@ Status Measurement::write_json() const {
                     {"seconds", o_.seconds},
                     {"warm_up_s", o_.warm_up_s},
                     {"drain_s", o_.drain_s},
-                    {"network_options", o_.place.network_options},
-                    {"poll_ms", o_.place.poll_ms}}},
+                    {"network_options", o_.paths.network_options},
+                    {"poll_ms", o_.paths.poll_ms}}},
                   {"ledger", {{"kind", o_.ledger}, {"storage", storage_}, {"networks", networks_}}},
                   {"summary", to_json(summarize(runs_))}};
   return write_result(o_.json, head, lines_of(runs_));
@@ -74,13 +74,13 @@ Status Measurement::group(const std::vector<const Competitor*>& competitors, int
   const bool published = competitors.front()->published_settings;
   for (const Competitor* competitor : competitors) {
     if (!network) {
-      network.emplace(o_.place, Network::settings(published), o_.place.dir / fmt::format("network{}", ++directories_),
+      network.emplace(o_.paths, Network::settings(published), o_.paths.dir / fmt::format("network{}", ++directories_),
                       interrupts_);
       if (auto s = network->up(); !s) return s;
     }
     const Schedule schedule = make_schedule(rate, o_.warm_up_s, o_.seconds, o_.drain_s);
-    auto run = exchange(o_.place, *network, *competitor, schedule,
-                        o_.place.dir / fmt::format("run{}", runs_.size() + 1), interrupts_);
+    auto run = exchange(o_.paths, *network, *competitor, schedule,
+                        o_.paths.dir / fmt::format("run{}", runs_.size() + 1), interrupts_);
     if (!run) return run.error();
     run->rate = rate;
     run->alternation = alternation;
@@ -105,7 +105,7 @@ Status Measurement::end(Network& network, bool published) {
   (*summary)["batch_timeout_ms"] = settings.batch_timeout_ms;
   networks_.push_back(std::move(*summary));
   std::error_code error;
-  std::filesystem::remove_all(o_.place.dir / fmt::format("network{}", directories_), error);
+  std::filesystem::remove_all(o_.paths.dir / fmt::format("network{}", directories_), error);
   return done;
 }
 

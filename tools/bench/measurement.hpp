@@ -15,7 +15,7 @@ struct Options {
   double seconds = 20, warm_up_s = 10, drain_s = 10;
   int alternations = 5;
   std::string ledger = "fabric", dir, json;
-  Place place;
+  LabPaths paths;
 };
 
 /// A benchmark's result: `head`, `machine`, and each of the runs on a line of its own. To `file`; empty: nowhere.

@@ -58,6 +58,4 @@ Exit codes: 0 ended by a signal; 1 DDS or ledger not reached, or a file not writ
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  return run_with_config(argc, argv, {"ledgerline-bridge", about, notes, "CONFIG"}, run);
-}
+int main(int argc, char** argv) { return run_with_config(argc, argv, {"ledgerline-bridge", about, notes}, run); }

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/nearest_word.hpp"
 #include "common/base/text.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -77,8 +78,9 @@ int run(const VerbRow& verb, const std::vector<std::string>& words) {
   ::execv(program.c_str(), arguments.data());
   if (errno == ENOENT) {
     fmt::print(stderr,
-               "ledgerline: the verb {} is in {}, which is not here: install its package, or build the source tree\n",
-               verb.name, program);
+               "ledgerline: the verb {} is in {}, which is not here: install its package, or in the source tree "
+               "`cmake --build --preset release --target {}`\n",
+               verb.name, program, std::filesystem::path(program).filename().string());
   } else {
     fmt::print(stderr, "ledgerline: {} cannot be run: {}\n", program, std::strerror(errno));
   }
@@ -106,7 +108,11 @@ int complete(const std::vector<std::string>& words) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const std::vector<std::string> words(argv + 1, argv + argc);
+  std::vector<std::string> words(argv + 1, argv + argc);
+  if (words.size() > 1 && words.front() == "help") {  // as `VERB --help`
+    words.erase(words.begin());
+    words.emplace_back("--help");
+  }
   const std::string first = words.empty() ? "" : words.front();
   if (first == "--help" || first == "-h" || first == "help") return help(stdout), 0;
   if (first == "--version" || first == "version")

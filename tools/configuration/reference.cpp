@@ -74,7 +74,7 @@ Status read_deployment(Config& config) {
     const auto read = deployment::read(config);
     if (!of_own_drones) return status_of(read);
   }
-  return status_of(deployment::read_own_drones(config));
+  return status_of(deployment::read_own_drones(config, ""));
 }
 
 const std::vector<Source>& sources() {

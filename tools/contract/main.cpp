@@ -13,6 +13,7 @@
 #include "common/msg/contract.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/checks/core/ledger.hpp"
 #include "tools/command/verbs.hpp"
 
 namespace {
@@ -48,6 +49,9 @@ struct Options {
 };
 
 /// The options that stand in place of a file, as one.
+constexpr const char* which_package = "which package? give --package FILE";
+constexpr const char* install_first = ": `ledgerline contract install` does";
+
 Result<Config> config_of(const Options& options) {
   std::string text = "[ledger]\n", problem;
   const auto line = [&](const char* key, const std::string& value) {
@@ -67,29 +71,22 @@ Result<Config> config_of(const Options& options) {
   return Config::parse(text, "options");
 }
 
-struct Access {
-  fabric::ClientConfig client;
-  std::string msp_dir;
-};
-
-Result<Access> access_of(const Options& options) {
-  auto config = options.config.empty() ? config_of(options) : Config::load(options.config);
+Result<fabric::ClientConfig> client_of(const Options& options) {
+  if (!options.config.empty()) return fabric::load_ledger_config(options.config);
+  auto config = config_of(options);
   if (!config) return config.error();
   auto client = fabric::ledger_config(*config);
-  const std::string msp_dir = config->text("ledger.msp_dir", "");
-  config->skip_table("msp");  // a drone's or a ground's own file will do
   if (Status s = config->finish(); !s) return s.error();
-  if (!client) return client.error();
-  return Access{std::move(*client), msp_dir};
+  return client;
 }
 
-/// Of the file's bytes, with the label that its maker gave it.
-Result<std::string> id_of(const Options& options) {
-  if (!options.id.empty()) return options.id;
-  if (options.package.empty()) return Error{"which package? give --package FILE, or --package-id LABEL:HASH"};
-  const auto bytes = read_file(options.package);
-  if (!bytes) return bytes.error();
-  return package_id(options.label, *bytes);
+/// What the peer calls this package that it has installed; empty: it has not. Its label is the package's own.
+Result<std::string> installed_id(const std::string& bytes, Lifecycle& lifecycle) {
+  const auto there = lifecycle.installed();
+  if (!there) return there.error();
+  for (const Installed& one : *there)
+    if (one.package_id.ends_with(package_id("", bytes))) return one.package_id;
+  return std::string();
 }
 
 Status make(const Options& options) {
@@ -129,22 +126,38 @@ Status make(const Options& options) {
 }
 
 Status install(const Options& options, Lifecycle& lifecycle) {
-  const auto id = id_of(options);
+  if (options.package.empty()) return Error{which_package};
   const auto bytes = read_file(options.package);
-  if (!id || !bytes) return id ? bytes.error() : id.error();
-  const auto there = lifecycle.installed();
-  if (!there) return there.error();
-  if (std::any_of(there->begin(), there->end(), [&](const Installed& one) { return one.package_id == *id; })) {
+  if (!bytes) return bytes.error();
+  auto id = installed_id(*bytes, lifecycle);
+  if (!id) return id.error();
+  if (!id->empty()) {
     fmt::print("{} is installed already\n", *id);
     return done;
   }
   if (Status s = lifecycle.install(*bytes); !s) return s;
-  const auto now = lifecycle.installed();
-  if (!now) return now.error();
-  if (std::none_of(now->begin(), now->end(), [&](const Installed& one) { return one.package_id == *id; }))
-    return Error{"the peer does not list " + *id + " after it: was the package made with another --label?"};
+  id = installed_id(*bytes, lifecycle);
+  if (!id) return id.error();
+  if (id->empty()) return Error{"the peer does not list " + options.package + " after it"};
   fmt::print("installed {}\n", *id);
   return done;
+}
+
+/// Of a package that this peer has: another's approval would be committed, and nobody could run it.
+Result<std::string> id_to_approve(const Options& options, Lifecycle& lifecycle) {
+  if (!options.id.empty()) {
+    const auto there = lifecycle.installed();
+    if (!there) return there.error();
+    if (std::ranges::find(*there, options.id, &Installed::package_id) == there->end())
+      return Error{"this peer has not installed " + options.id + install_first};
+    return options.id;
+  }
+  if (options.package.empty()) return Error{std::string(which_package) + ", or --package-id LABEL:HASH"};
+  const auto bytes = read_file(options.package);
+  if (!bytes) return bytes.error();
+  auto id = installed_id(*bytes, lifecycle);
+  if (id && id->empty()) return Error{"this peer has not installed " + options.package + install_first};
+  return id;
 }
 
 /// The one asked for, else the one that counts if it has the version, else the next one.
@@ -162,7 +175,7 @@ std::string described(const Definition& definition) {
 }
 
 Status approve(const Options& options, Lifecycle& lifecycle) {
-  const auto id = id_of(options);
+  const auto id = id_to_approve(options, lifecycle);
   if (!id) return id.error();
   const auto now = lifecycle.committed();
   if (!now) return now.error();
@@ -215,6 +228,35 @@ nlohmann::json json_of(const fabric::ChannelConfig& channel) {
   return out;
 }
 
+/// `own_package`: that the organisation has approved, where that is known.
+nlohmann::json service_json(Lifecycle& lifecycle, const std::string& own_package) {
+  const Status answers = lifecycle.contract_answers();
+  if (answers) return {{"answers", true}};
+  const std::string& why = answers.error().message;
+  const checks::Finding found = checks::assess_refusal(why);
+  if (found.problem != checks::Problem::contract_silent) return {{"answers", true}, {"refusal", why}};
+  std::string cure = found.cure.empty() ? checks::describe(*found.problem).cure : found.cure;
+  if (why.find("did not answer within") != std::string::npos)
+    cure = fmt::format("start `ledgerline-chaincode` with CHAINCODE_ID={}",
+                       own_package.empty() ? "the package's id that is approved" : own_package);
+  return {{"answers", false}, {"why", why}, {"cure", cure}};
+}
+
+std::string described(const Result<std::optional<std::string>>& own_package, const std::string& msp_id) {
+  if (!own_package) return "not known: " + own_package.error().message;
+  if (!*own_package) return fmt::format("none: {} has not approved this definition", msp_id);
+  return fmt::format("{}, approved by {}", **own_package, msp_id);
+}
+
+void print_service(const nlohmann::json& service) {
+  if (service["answers"].get<bool>())
+    fmt::print("service     answers{}\n",
+               service.contains("refusal") ? ": " + service["refusal"].get<std::string>() : "");
+  else
+    fmt::print("service     does not answer: {}\n            cure: {}\n", service["why"].get<std::string>(),
+               service["cure"].get<std::string>());
+}
+
 Status status(const Options& options, Lifecycle& lifecycle) {
   const auto installed = lifecycle.installed();
   const auto committed = lifecycle.committed();
@@ -229,8 +271,10 @@ Status status(const Options& options, Lifecycle& lifecycle) {
     out["installed_unknown"] = installed.error().message;  // an administrator's question
   }
   const auto definition = wanted(options, *committed);
+  Result<std::optional<std::string>> own = std::optional<std::string>();
   const bool open = !*committed || (*committed)->definition.sequence < definition.sequence;
   if (*committed) {
+    own = lifecycle.approved((*committed)->definition);
     const Fitness fitness = fitness_of(*channel, (*committed)->policy);
     out["committed"] = {{"version", (*committed)->definition.version},
                         {"sequence", (*committed)->definition.sequence},
@@ -238,8 +282,8 @@ Status status(const Options& options, Lifecycle& lifecycle) {
                         {"policy", fitness.policy},
                         {"direct_path", fitness.direct},
                         {"direct_path_why", fitness.direct_why}};
-    if (const auto own = lifecycle.approved((*committed)->definition); own && *own)
-      out["committed"]["own_package"] = **own;
+    if (own && *own) out["committed"]["own_package"] = **own;
+    out["committed"]["service"] = service_json(lifecycle, own && *own ? **own : "");
   }
   if (open) {
     const auto approvals = lifecycle.approvals(definition);
@@ -258,6 +302,8 @@ Status status(const Options& options, Lifecycle& lifecycle) {
     fmt::print("committed   {}, {}\n", described((*committed)->definition), approved_by((*committed)->approvals));
     if ((*committed)->definition.version != options.version)
       fmt::print("            this program's contract is version {}: approve and commit it\n", options.version);
+    fmt::print("package     {}\n", described(own, lifecycle.msp_id()));
+    print_service(it["service"]);
     fmt::print("endorsement {}\n", it["policy"].get<std::string>());
     fmt::print("direct path {}: {}\n", it["direct_path"].get<bool>() ? "yes" : "no",
                it["direct_path_why"].get<std::string>());
@@ -274,17 +320,16 @@ Status status(const Options& options, Lifecycle& lifecycle) {
   return done;
 }
 
-Status print_commands(const Options& options, const std::string& verb, const Access& access) {
-  const PeerCommands commands{access.client, access.msp_dir};
+Status print_commands(const Options& options, const std::string& verb, const fabric::ClientConfig& client) {
+  const PeerCommands commands{client, client.identity_place.msp_dir};
   const Definition definition{options.version, static_cast<std::int64_t>(std::max<std::uint64_t>(1, options.sequence))};
   std::string text;
   if (verb == "install") {
-    if (options.package.empty()) return Error{"which package? give --package FILE"};
+    if (options.package.empty()) return Error{which_package};
     text = commands.install(options.package);
   } else if (verb == "approve") {
-    const auto id = id_of(options);
-    if (!id) return id.error();
-    text = commands.approve(definition, *id);
+    if (options.id.empty() && options.package.empty()) return Error{which_package};
+    text = commands.approve(definition, options.id, options.package);
   } else {
     text = verb == "commit" ? commands.commit(definition) : commands.status();
   }
@@ -292,16 +337,9 @@ Status print_commands(const Options& options, const std::string& verb, const Acc
   return done;
 }
 
-Status run(const Options& options, const std::string& verb) {
-  if (verb == "package") return make(options);
-  if (verb == "rules") {
-    fmt::print("{}", access::access_page());
-    return done;
-  }
-  auto access = access_of(options);
-  if (!access) return access.error();
-  if (options.print) return print_commands(options, verb, *access);
-  auto lifecycle = Lifecycle::connect(std::move(access->client));
+Status run(const Options& options, const std::string& verb, fabric::ClientConfig client) {
+  if (options.print) return print_commands(options, verb, client);
+  auto lifecycle = Lifecycle::connect(std::move(client));
   if (!lifecycle) return lifecycle.error();
   if (verb == "install") return install(options, *lifecycle);
   if (verb == "approve") return approve(options, *lifecycle);
@@ -327,12 +365,13 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
     Verb verb = line.verb(name, what);
     verb.option("--config", options.config, "TOML file with [ledger]").existing_file();
     verb.option("--endpoint", options.endpoint, "HOST:PORT of the organisation's peer");
-    verb.option("--tls-ca", options.tls_ca, "PEM file of its TLS authorities");
+    verb.option("--tls-ca", options.tls_ca, "PEM file of its TLS authorities").existing_file();
     verb.option("--server-name", options.server_name, "name in its certificate");
-    verb.option("--tls-certificate", options.tls_certificate, "PEM file of the own TLS certificate, if it wants one");
-    verb.option("--tls-key", options.tls_key, "its key");
+    verb.option("--tls-certificate", options.tls_certificate, "PEM file of the own TLS certificate, if it wants one")
+        .existing_file();
+    verb.option("--tls-key", options.tls_key, "its key").existing_file();
     verb.option("--msp-id", options.msp_id, "the organisation");
-    verb.option("--msp-dir", options.msp_dir, "its administrator's msp folder");
+    verb.option("--msp-dir", options.msp_dir, "its administrator's msp folder").existing_path();
     verb.option("--channel", options.channel, "without --config").shows_default();
     verb.option("--name", options.name, "of the chaincode, without --config").shows_default();
     verb.flag("--print", options.print, "print the commands of Fabric's `peer` instead");
@@ -341,7 +380,6 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   };
   const auto add_package = [&](Verb& verb) {
     verb.option("--package", options.package, "the package's file").existing_file();
-    verb.option("--label", options.label, "that it was made with").shows_default();
   };
   const auto add_definition = [&](Verb& verb) {
     verb.option("--version", options.version, "of the definition").shows_default();
@@ -355,7 +393,7 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   add_definition(approving);
   Verb committing = add("commit", "commit the definition that organisations have approved");
   add_definition(committing);
-  Verb showing = add("status", "what is installed, approved, committed; its policy, and what that means");
+  Verb showing = add("status", "what is installed, approved, committed; whether its service answers; its policy");
   showing.flag("--json", options.json, "as JSON");
   return verbs;
 }
@@ -367,8 +405,12 @@ int ledgerline::command::contract(int argc, char** argv) {
   Options options;
   const std::vector<Verb> verbs = add_verbs(line, options);
   if (const auto end = line.parse(argc, argv)) return *end;
+  std::string name;
   for (const Verb& verb : verbs) {
-    if (verb.is_given()) return exit_code(run(options, verb.name()));
+    if (verb.is_given()) name = verb.name();
   }
-  return exit_usage;
+  if (name == "package") return exit_code(make(options));
+  if (name == "rules") return fmt::print("{}", access::access_page()), 0;
+  auto client = client_of(options);
+  return client ? exit_code(run(options, name, std::move(*client))) : fail(client.error(), exit_usage);
 }

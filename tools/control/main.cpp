@@ -37,7 +37,7 @@ struct Options {
   std::uint32_t priority = 0;
   bool fly = false, stop = false, cut = false;
   double within_s = 30;
-  std::string msp, certificate, subject, role, file, what, delegate;
+  std::string msp, certificate, subject, role, file, digest, what, delegate;
   bool json = false, live = false;
 };
 
@@ -111,7 +111,7 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
     return call_with(call);
   }
   if (options.function == contract::anchor || options.function == contract::verify) {
-    const auto digest = digest_of(options.file);
+    const auto digest = options.digest.empty() ? digest_of(options.file) : *crypto::unhex(options.digest);
     if (!digest) return digest.error();
     AnchorCall call;
     call.set_digest(*digest);
@@ -245,11 +245,9 @@ Status show_live(fabric::Client& client, const Options& options) {
   return done;
 }
 
-Status call_contract(const Options& options) {
-  auto ledger = fabric::load_ledger_config(options.config);
-  if (!ledger) return ledger.error();
-  const std::string own_msp_id = ledger->identity.name.msp_id;
-  auto client = fabric::Client::create(verification::for_contract(std::move(ledger).value()));
+Status call_contract(const Options& options, fabric::ClientConfig ledger) {
+  const std::string own_msp_id = ledger.identity.name.msp_id;
+  auto client = fabric::Client::create(verification::for_contract(std::move(ledger)));
   if (!client) return client.error();
   if (options.function == show) return options.live ? show_live(**client, options) : show_records(**client, options);
   auto call = make_call(options, own_msp_id);
@@ -257,12 +255,13 @@ Status call_contract(const Options& options) {
   if (options.function == contract::verify) {
     AnchorCall asked;
     if (auto status = parse_message(call->args[0], asked); !status) return status;
-    return print_anchors(**client, std::move(asked), options.file);
+    return print_anchors(**client, std::move(asked), options.file + options.digest);
   }
   const fabric::Outcome outcome = submit(**client, options, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", options.function, outcome.message)};
   if (options.function == contract::anchor) return fmt::print("{}\n", outcome.tx_id), done;
+  fmt::print(stderr, "transaction {}\n", outcome.tx_id);  // beside the JSON
   if (options.function == contract::unclaim) return done;
   return options.function == contract::stop ? print_answer<Stops>(outcome.answer)
                                             : print_answer<Controls>(outcome.answer);
@@ -270,7 +269,7 @@ Status call_contract(const Options& options) {
 
 constexpr const char* about =
     "Who may fly what: changes the control records of drones on the ledger, as the identity in the config.\n"
-    "Prints the records as they now are (of stop: the stops), as JSON.";
+    "Prints the records as they now are (of stop: the stops), as JSON; the transaction's id: to standard error.";
 constexpr const char* notes = R"(Examples:
   ledgerline control --config operator.toml acquire tello1 tello2
   ledgerline control --config operator.toml acquire --delegate-cert station.pem tello1   # which then flies it for you
@@ -286,6 +285,12 @@ constexpr const char* notes = R"(Examples:
   ledgerline control --config operator.toml show
   ledgerline control --config operator.toml anchor --what "flight 7, camera 2" flight7.mp4
 Exit codes: 0 done, 1 refused or not reached, 2 bad usage.)";
+
+/// Empty: it is one.
+std::string digest_problem(const std::string& text) {
+  const auto bytes = crypto::unhex(text);
+  return bytes && bytes->size() == sizeof(crypto::Digest) ? "" : text + " is no SHA-256";
+}
 
 std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   std::vector<Verb> verbs;
@@ -350,7 +355,10 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   anchor.option("--what", options.what, "what it is, in a few words");
   verbs.push_back(anchor);
   Verb verify = line.verb(contract::verify, "print who has anchored this very file, and when; exit code 1: nobody");
-  verify.option("file", options.file, "the file").required().existing_file();
+  Option file = verify.option("file", options.file, "the file").existing_file();
+  verify.option("--digest", options.digest, "its SHA-256 instead, as `ledgerline missions digest` prints an approval's")
+      .checked_by("HEX", digest_problem)
+      .excludes(file);
   verify.option("--msp", options.msp, "MSP id: all of that organisation; without: the first 16 of each");
   verify.option("--cert", options.certificate, "certificate of the one signer that is asked for, PEM; with --msp")
       .existing_file();
@@ -374,5 +382,8 @@ int ledgerline::command::control(int argc, char** argv) {
   for (const Verb& verb : verbs) {
     if (verb.is_given()) options.function = verb.name();
   }
-  return exit_code(call_contract(options));
+  if (options.function == contract::verify && options.file.empty() && options.digest.empty())
+    return fail(Error{"verify: name a file, or --digest"}, exit_usage);
+  auto ledger = fabric::load_ledger_config(options.config);
+  return ledger ? exit_code(call_contract(options, std::move(*ledger))) : fail(ledger.error(), exit_usage);
 }

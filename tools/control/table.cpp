@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "common/base/text.hpp"
+#include "common/msg/grants.hpp"
 
 namespace ledgerline::control {
 namespace {
@@ -10,15 +11,6 @@ namespace {
 std::string text_of(const Identity& identity) {
   return printable(identity.subject().empty() ? identity.msp_id() + " (its operators and supervisors)"
                                               : identity.msp_id() + " " + identity.subject());
-}
-
-std::string rights_of(const Grant& grant) {
-  std::string rights;
-  const auto add = [&](const std::string& right) { rights += (rights.empty() ? "" : ", ") + right; };
-  if (grant.fly()) add(fmt::format("fly up to priority {}", grant.max_priority()));
-  if (grant.stop()) add("stop");
-  if (grant.cut()) add("cut");
-  return rights;
 }
 
 }  // namespace
@@ -40,7 +32,7 @@ std::string control_table(const std::vector<Control>& controls) {
       table += request.has_delegate() ? fmt::format(", for {} to command\n", text_of(request.delegate())) : "\n";
     }
     for (const Grant& grant : control.grants()) {
-      table += fmt::format("  granted  {}: {}\n", text_of(grant.to()), rights_of(grant));
+      table += fmt::format("  granted  {}: {}\n", text_of(grant.to()), rights_text(grant));
     }
   }
   return table;

@@ -66,8 +66,8 @@ Exit codes: 0 done, 1 not so, 2 bad usage.)";
 int ledgerline::command::dds_security(int argc, char** argv) {
   CommandLine line("ledgerline dds-security", about, notes);
   Options options;
-  line.option("--ca", options.ca, "the authority's certificate, PEM").required();
-  line.option("--ca-key", options.ca_key, "its private key, PEM").required();
+  line.option("--ca", options.ca, "the authority's certificate, PEM").existing_file().required();
+  line.option("--ca-key", options.ca_key, "its private key, PEM").existing_file().required();
   line.option("--out", options.out, "folder").required();
   line.option("MEMBER", options.programs, "certificates that it has issued (P-256), PEM: of ground, agents, bridges")
       .required();

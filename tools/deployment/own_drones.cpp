@@ -5,8 +5,11 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
+#include <sstream>
 
+#include "common/config/other_tables.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/msg/ros.hpp"
@@ -64,6 +67,10 @@ void read_pose(Config& config, OwnDrones& out) {
   const std::string clock = plain_text(config, clock_key, config.text(clock_key, ""));
   if (config.is_describing()) return;
   const auto known = from_name<link::PoseSource>(out.pose_source);
+  if (!known && out.pose_source != "none" && !out.pose_source.empty()) {
+    config.skip_table("pose");
+    return config.wrong("pose.source", "must be one of mocap, tello, pads, mocap+tello, none");
+  }
   if (known != link::PoseSource::mocap && out.pose_source != "none") {
     config.skip_table("pose");
     config.skip_table("pad");
@@ -107,12 +114,18 @@ struct LedgerFile {
   crypto::IdentityFiles files;
 };
 
+/// What another file's reader found, a line each.
+void wrong_in_file(Config& config, const std::string& key, const Status& read) {
+  std::istringstream lines(read ? "" : read.error().message);
+  for (std::string line; std::getline(lines, line);) config.wrong(key, line);
+}
+
 LedgerFile read_ledger_file(Config& config, const std::string& key, const std::string& path) {
   LedgerFile out;
   if (path.empty()) return out;
   auto file = Config::load(path);
   if (!file) {
-    config.wrong(key, file.error().message);
+    wrong_in_file(config, key, file.error());
     return out;
   }
   for (const char* table : {"ledger", "orderer", "endorser", "peer"}) out.tables += file->table_text(table);
@@ -126,7 +139,8 @@ LedgerFile read_ledger_file(Config& config, const std::string& key, const std::s
     if (files) out.files = std::move(*files);
   }
   for (const char* table : {"ledger", "orderer", "endorser", "peer", "msp"}) file->skip_table(table);
-  if (auto status = file->finish(); !status) config.wrong(key, status.error().message);
+  skip_other_tables(*file);  // of a host's whole agent.toml or ground.toml: the flight has its own
+  wrong_in_file(config, key, file->finish());
   return out;
 }
 
@@ -137,7 +151,7 @@ void read_own_ledger(Config& config, OwnDrones& out) {
                     {embedded, fabric, existing}, embedded);
   const Key keys[] = {
       {"ledger.agent",
-       "of kind \"existing\": file with agent's [ledger], [[orderer]], [[endorser]], [[peer]], [[msp]]"},
+       "of kind \"existing\": agent.toml, for its [ledger], [[orderer]], [[endorser]], [[peer]], [[msp]]"},
       {"ledger.ground", "likewise ground's, whose identity acquires the drones"},
       {"ledger.admin", "likewise of who enrols agent for the drones; \"\": done already"}};
   std::string paths[3];
@@ -187,48 +201,62 @@ bool is_of_own_drones(Config& config) {
 namespace {
 
 /// What a flight has measured counts as if it stood in this file.
-void add_calibration(Config& config) {
+void add_calibration(Config& config, const std::string& deployment) {
   const Key key{
       "calibration",
-      "file of `ledgerline tello calibrate`; its [rc], [pose] and [flight] count as if they stood here ([pose] for "
+      "file of `ledgerline tello calibrate`, relative to this; its [rc], [pose] and [flight] count as here ([pose] for "
       "onboard odometry alone)"};
   const std::string path = config.text(key, "");
   if (path.empty()) return;
-  auto measured = Config::load(path);
-  if (!measured) return config.wrong(key.name, measured.error().message);
+  auto measured = Config::load((std::filesystem::path(deployment).parent_path() / path).string());
+  if (!measured) return wrong_in_file(config, key.name, measured.error());
   config.add_table(*measured, "rc");
   const auto source = from_name<link::PoseSource>(config.text("pose.source", ""));
   if (source && link::uses_odometry(*source)) config.add_table(*measured, "pose");
   config.add_table(*measured, "flight", {"full_scale_mps"});  // link's says it
   for (const char* table : {"rc", "pose", "flight"}) measured->skip_table(table);
-  if (auto status = measured->finish(); !status) config.wrong(key.name, status.error().message);
+  wrong_in_file(config, key.name, measured->finish());
+}
+
+/// What link's reader found in a text made of this file's tables, by this file's keys and lines.
+void wrong_for_link(Config& config, const std::string& name, const Error& found) {
+  std::istringstream lines(found.message);
+  for (std::string line; std::getline(lines, line);) {
+    if (const std::size_t colon = line.find(": "); line.starts_with(name) && colon != std::string::npos)
+      line = line.substr(colon + 2);
+    const std::size_t end = line.find(": ");
+    const bool has_key = end != std::string::npos && line.find(' ') > end;
+    config.wrong(has_key ? line.substr(0, end) : name, has_key ? line.substr(end + 2) : line);
+  }
 }
 
 /// So that preflight finds what link would refuse at its start.
-Status check_as_link_does(const OwnDrones& own) {
+void check_as_link_does(Config& config, OwnDrones& own) {
+  const std::string name = "for link";
   std::string text = own.link_tables;
   for (const OwnDrone& drone : own.drones)
     text += fmt::format(
         "\n[[drone]]\nname = \"{}\"\naddress = \"{}\"\ninterface = \"{}\"\nstart_m = [{}]\nstart_yaw_rad = {}\n",
         drone.name, drone.address, drone.interface, fmt::join(drone.start_m, ", "), drone.start_yaw_rad);
-  auto config = Config::parse(text, "link.toml of this deployment");
-  if (!config) return config.error();
-  const auto settings = link::read_settings(*config, "link.toml of this deployment");
-  return settings ? done : Status(settings.error());
+  auto links = Config::parse(text, name);
+  const auto settings = links ? link::read_settings(*links, name) : links.error();
+  if (!settings) return wrong_for_link(config, name, settings.error());
+  own.link.drones = settings->link.drones;
 }
 
 }  // namespace
 
-Result<OwnDrones> read_own_drones(Config& config) {
+Result<OwnDrones> read_own_drones(Config& config, const std::string& path) {
   OwnDrones out;
-  add_calibration(config);
+  add_calibration(config, path);
   out.drones = read_each(config);
   read_own_ledger(config, out);
   read_pose(config, out);
   read_fence_and_limits(config, out);
   read_flight(config, out);
   if (auto status = config.finish(); !status) return status.error();
-  if (const Status fits = check_as_link_does(out); !fits) return fits.error();
+  check_as_link_does(config, out);
+  if (auto status = config.finish(); !status) return status.error();
   return out;
 }
 

@@ -59,7 +59,7 @@ struct OwnDrones {
 bool is_of_own_drones(Config& config);
 
 /// Every key is checked; what is dangerous has no default: [fence] with both corners, and pose.source. Errors name
-/// file, line and key. The tables for link are checked by link's own reader (link_config.hpp).
-Result<OwnDrones> read_own_drones(Config& config);
+/// file, line and key. The tables for link are checked by link's own reader (link_config.hpp). `path`: of the file.
+Result<OwnDrones> read_own_drones(Config& config, const std::string& path);
 
 }  // namespace ledgerline::deployment

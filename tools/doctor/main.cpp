@@ -12,6 +12,7 @@
 #include "tools/checks/shell/host_probe.hpp"
 #include "tools/checks/shell/probes.hpp"
 #include "tools/command/verbs.hpp"
+#include "tools/status/shell/query.hpp"
 
 namespace {
 
@@ -26,8 +27,8 @@ Examples:
   ledgerline doctor --role drone-host --drones          # asks the drones, too; not while link runs
   ledgerline doctor --config-dir ./raven --json
 
-Looks at whichever of link.toml, agent.toml, ground.toml, operator.toml, admin.toml and bridge.toml are there, and at
-operator-CHANNEL.toml and admin-CHANNEL.toml of further channels. Run it as the user of the programs, who reads the keys. docs/troubleshooting.md has every word, its cause and its cure.
+Looks at whichever of link.toml, agent.toml, ground.toml, operator.toml, admin.toml, bridge.toml and
+node.env are there, and at operator-CHANNEL.toml and admin-CHANNEL.toml of further channels. Run it as the user of the programs, who reads the keys. docs/troubleshooting.md has every word, its cause and its cure.
 Exit codes: 0 all is well, but for warnings; 1 something is broken; 2 wrong usage.)";
 
 struct Options {
@@ -36,23 +37,28 @@ struct Options {
   double timeout_s = 3;
 };
 
-/// Without those that are there in the same words.
-void add_new(Findings& all, Findings more) {
-  for (Finding& one : more) {
-    const bool reported = std::any_of(all.begin(), all.end(), [&](const Finding& other) {
-      return other.problem == one.problem && other.check == one.check && other.what == one.what;
-    });
-    if (!reported) all.push_back(std::move(one));
-  }
-}
-
 std::vector<std::string> names_of(const std::vector<DroneKeys>& drones) {
   std::vector<std::string> names;
   for (const DroneKeys& drone : drones) names.push_back(drone.name);
   return names;
 }
 
-void check_host(const Configs& configs, Findings& all) {
+Findings room_of_ledger(const std::string& dir) {
+  DirectoryInputs inputs = probe_directory(dir + "/ledger");
+  inputs.writable = true;  // by its own user
+  return inputs.free_bytes ? assess(inputs) : Findings{};
+}
+
+/// The embedded ledger of node.env: whether it answers, or else has room to start.
+void check_node(const Configs& configs, const std::vector<status::Program>& running, std::chrono::milliseconds timeout,
+                Findings& all) {
+  if (!configs.node) return;
+  const auto node = std::ranges::find(running, "ledgerline-node", &status::Program::name);
+  if (node == running.end()) return add(all, room_of_ledger("/var/lib/ledgerline-node"));  // its unit's
+  all.push_back(assess_presence(probe_server({.endpoint = configs.node->listen}, configs.node->path, timeout)));
+}
+
+void check_host(const Configs& configs, const std::vector<status::Program>& running, Findings& all) {
   std::set<std::string> folders, interfaces;
   for (const ProgramConfig& one : configs.programs) {
     for (const std::string& file : one.written) {
@@ -61,6 +67,11 @@ void check_host(const Configs& configs, Findings& all) {
     }
     for (const std::string& name : one.interfaces)
       if (interfaces.insert(name).second) all.push_back(assess(probe_interface(name, one.file)));
+  }
+  for (const status::NotRunning& one : status::not_running(configs, running))
+    all.push_back(assess_not_running(one.program, one.config));
+  for (const status::Program& program : running) {
+    if (!program.dir.empty() && folders.insert(program.dir).second) add(all, room_of_ledger(program.dir));
   }
   all.push_back(assess(probe_clock()));
   const ProgramConfig* const link = configs.of("link");
@@ -87,7 +98,7 @@ bool check_tls_pair(const ServerKeys& keys, const ProgramConfig& one, std::map<s
   pair.private_key = keys.tls_key;
   Findings found = assess_tls_pair(read_identity(pair), one.file, realtime_ns() / ns_per_s);
   place->second = !anything_broken(found);
-  add_new(all, std::move(found));
+  add(all, std::move(found));
   return place->second;
 }
 
@@ -105,7 +116,10 @@ bool check_servers(const ProgramConfig& one, std::chrono::milliseconds timeout, 
       keys.tls_certificate = one.ledger->peer.tls_certificate;
       keys.tls_key = one.ledger->peer.tls_key;
     }
-    if (keys.endpoint.empty()) return;
+    if (keys.endpoint.empty() || keys.tls_ca.empty()) {  // the program's own reader has said so
+      if (kind == "peer") good = false;
+      return;
+    }
     const std::string same = keys.endpoint + " " + keys.server_name + " " + keys.tls_ca + " " + keys.tls_certificate;
     if (kind != "peer" && !seen.servers.insert(same).second) return;
     seen.servers.insert(same);
@@ -145,7 +159,7 @@ void check_ledger(const Configs& configs, std::chrono::milliseconds timeout, Fin
       good->second = !anything_broken(own);
     }
     const bool known = good->second && !anything_broken(trust);
-    add_new(all, std::move(own));
+    add(all, std::move(own));
     add(all, std::move(trust));
     const bool reached = check_servers(one, timeout, seen, all);
     const bool flies = one.program == "agent" || one.program == "ground";
@@ -182,13 +196,16 @@ int ledgerline::command::doctor(int argc, char** argv) {
   const auto timeout = std::chrono::milliseconds(static_cast<int>(1e3 * options.timeout_s));
   Configs configs = read_configs(options.dir, options.role);
   Findings all = std::move(configs.findings);
-  check_host(configs, all);
+  const std::vector<status::Program> running = status::running_programs();
+  check_host(configs, running, all);
+  check_node(configs, running, timeout, all);
   check_ledger(configs, timeout, all);
   const ProgramConfig* const link = configs.of("link");
   if (options.drones && link) {
     add(all, query_drones(*link));
     if (const ProgramConfig* const agent = configs.of("agent")) add(all, receive_poses(*link, *agent));
   }
+  all = without_repeats(std::move(all));
   if (options.json)
     print_line(to_json(all));
   else

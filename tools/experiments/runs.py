@@ -21,9 +21,9 @@ LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
 DAEMONS = ("agent", "bridge", "chaincode", "endorser", "ground", "link", "node", "roudi", "sim")
 # Below bin/ and libexec/ledgerline/.
-PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "ledger", "chaincode", "measure", "roudi", "station"],
-            "sitl": ["fault"], "exchange": ["measure", "node", "ledger", "chaincode", "fault"],
-            "hosts": ["link", "agent", "ground", "sim", "node", "fault", "roudi", "station"]}
+PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "ledger", "chaincode", "tools", "roudi", "control"],
+            "sitl": ["fault"], "exchange": ["tools", "node", "ledger", "chaincode", "fault"],
+            "hosts": ["link", "agent", "ground", "sim", "node", "fault", "roudi", "control"]}
 SOURCES = {"exchange": [HERE.parent / "bench/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "python/netns.py", HERE.parent / "python/running.py"]}
 STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
 FULL_SCALE_MPS = 1.0                # what a drone can be commanded at most, where nothing else is asked for: rc 100

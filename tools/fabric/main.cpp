@@ -370,10 +370,14 @@ std::vector<Verb> add_verbs(CommandLine& line, VerbOptions& verb_options) {
       .within(1, identities::organisations);
   revoke.option("--user", verb_options.user,
                 "User1, ... or endorser0, of a network with --ca: all certificates that it has");
-  revoke.option("--certificate", verb_options.certificate,
-                "In place of --user: one certificate (PEM); a renewed one of the same user goes on");
-  revoke.option("--list", verb_options.list,
-                "In place of --user: a revocation list (PEM) of its authority, with all it revoked");
+  revoke
+      .option("--certificate", verb_options.certificate,
+              "In place of --user: one certificate (PEM); a renewed one of the same user goes on")
+      .existing_file();
+  revoke
+      .option("--list", verb_options.list,
+              "In place of --user: a revocation list (PEM) of its authority, with all it revoked")
+      .existing_file();
   return verbs;
 }
 

@@ -2,10 +2,12 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <utility>
 
 #include "common/program/program.hpp"
+#include "hil/fault/random_script.hpp"
 #include "hil/fault/run/run.hpp"
-#include "hil/fault/script.hpp"
+#include "hil/fault/shrink.hpp"
 #include "tools/fault/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -16,17 +18,23 @@ struct RandomOptions : FlightOptions {
   bool shrinks = true;
 };
 
+/// As its text says it, which rounds: what is printed of a broken flight has to break the same when it is flown.
+Script as_written(const Script& script) {
+  auto read = parse_script(text_of(script), script.name + ".toml");
+  return read ? std::move(*read) : script;
+}
+
 /// A broken flight's shortest script, said and written; false: it could not be.
 bool tell_shortest(const Flight& flight, const RandomOptions& options) {
   Script script = flight.script;
   if (options.shrinks) {
     script = shrink(script, [&](const Script& shorter) {
-      const auto again = run_script(shorter, flight.seed);
+      const auto again = run_script(as_written(shorter), flight.seed);
       return again && !again->all_held();
     });
   }
   script.seed = flight.seed;
-  const auto result = run_script(script, flight.seed);
+  const auto result = run_script(as_written(script), flight.seed);
   fmt::print("\n# {}, seed {}\n{}{}", script.name, flight.seed, text_of(script), result ? broken_text(*result) : "");
   return options.out.empty() || write(fmt::format("{}/{}.toml", options.out, script.name), text_of(script));
 }
@@ -42,7 +50,7 @@ int fly_random(const RandomOptions& options) {
       count, options.jobs,
       [&](std::size_t i) {
         const std::uint64_t number = seeds->first + i;
-        return Flight{draw_script(number, options.recording), number};
+        return Flight{as_written(draw_script(number, options.recording)), number};
       },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {

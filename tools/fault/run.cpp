@@ -11,9 +11,10 @@
 #include "common/base/file.hpp"
 #include "common/program/program.hpp"
 #include "hil/fault/own_code.hpp"
-#include "hil/fault/real/real.hpp"
+#include "hil/fault/real/real_run.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/run/run.hpp"
+#include "hil/fault/scenarios.hpp"
 #include "hil/fault/script.hpp"
 #include "tools/fault/verbs.hpp"
 
@@ -163,7 +164,7 @@ int run_scripts(RunOptions& options) {
 Act run(CommandLine& line) {
   const auto options = std::make_shared<RunOptions>();
   Verb verb = line.verb("run", "Flies scripts, or all *.toml of a folder");
-  verb.option("SCRIPT", options->scripts, "files, folders, or names of scenarios and their groups (`fault list`)")
+  verb.option("SCRIPT", options->scripts, "files, folders, names of scenarios and their groups (`fault list`), or all")
       .required();
   verb.flag("--quiet", options->quiet, "say broken runs only");
   add_flight_options(verb, *options);

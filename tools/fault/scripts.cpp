@@ -10,8 +10,9 @@
 #include "common/program/program.hpp"
 #include "hil/fault/kinds/fault.hpp"
 #include "hil/fault/own_code.hpp"
-#include "hil/fault/real/real.hpp"
-#include "hil/fault/script.hpp"
+#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/report.hpp"
+#include "hil/fault/scenarios.hpp"
 #include "tools/fault/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -34,14 +35,15 @@ int check_scripts(const CheckOptions& options) {
     const auto script = text ? check_script(*text, file, real) : Result<Script>(text.error());
     if (script) {
       const auto demanded = std::ranges::count_if(script->must, [](const Rule& rule) { return !rule.always; });
-      fmt::print("{}: fine: {} drones, {} faults, {} rules{}\n", file, script->flight.drones, script->faults.size(),
-                 demanded, check_sitl(*script) ? "" : "; in real time alone, by --program");
+      fmt::print("{}: fine: {}, {}, {}{}\n", file, counted(static_cast<std::size_t>(script->flight.drones), "drone"),
+                 counted(script->faults.size(), "fault"), counted(static_cast<std::size_t>(demanded), "rule"),
+                 check_sitl(*script) ? "" : "; in real time alone, by --program");
       continue;
     }
     fmt::print(stderr, "{}\n", script.error().message);
     ++wrong;
   }
-  fmt::print("{} scripts, {} wrong\n", files->size(), wrong);
+  fmt::print("{}, {} wrong\n", counted(files->size(), "script"), wrong);
   return wrong > 0 ? exit_usage : 0;
 }
 
@@ -50,7 +52,7 @@ int check_scripts(const CheckOptions& options) {
 Act check(CommandLine& line) {
   const auto options = std::make_shared<CheckOptions>();
   Verb verb = line.verb("check", "Says all that is wrong with scripts, by file, line and key, without flying them");
-  verb.option("SCRIPT", options->scripts, "files, folders, or names of scenarios and their groups").required();
+  verb.option("SCRIPT", options->scripts, "files, folders, names of scenarios and their groups, or all").required();
   const Option real = verb.flag("--real", options->real, "whether they can be flown with the real processes");
   verb.option("--ledger", options->ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
   verb.flag("--shim", options->shim, "of --real: drones behind the shim").needs(real);

@@ -31,6 +31,7 @@ void add_flight_options(Verb& verb, FlightOptions& options) {
               "one object: figures of every run, for `fault compare`; the rest of at most 200, broken ones first");
   verb.option("--junit", options.junit, "JUnit XML: a testcase for each run");
   verb.option("--html", options.html, "a page with the timelines of the 200");
+  verb.option("--csv", options.csv, "a line for each run: what broke, and its figures");
 }
 
 int usage_error(const std::string& what) {
@@ -79,8 +80,8 @@ void RunPrinter::print_failure(const Flight& flight, const std::string& why) {
 void RunPrinter::print_total() {
   clear();
   const double wall_s = to_seconds(monotonic_ns() - start_ns_);
-  fmt::print("{} runs, {} broken; {:.0f} s flown in {:.1f} s: {:.0f} times real time\n", done_, broken_, flown_s_,
-             wall_s, flown_s_ / wall_s);
+  fmt::print("{}, {} broken; {:.0f} s flown in {:.1f} s: {:.0f} times real time\n{}", counted(done_, "run"), broken_,
+             flown_s_, wall_s, flown_s_ / wall_s, by_rule_text(summaries_));
 }
 
 bool RunPrinter::write_files(const FlightOptions& options) {
@@ -90,7 +91,8 @@ bool RunPrinter::write_files(const FlightOptions& options) {
   bool written = true;
   if (!options.json.empty()) written = write(options.json, json_text(kept_, summaries_, not_flown_)) && written;
   if (!options.junit.empty()) written = write(options.junit, junit_text(kept_, summaries_, not_flown_)) && written;
-  if (!options.html.empty()) written = write(options.html, html_text(kept_)) && written;
+  if (!options.html.empty()) written = write(options.html, html_text(kept_, summaries_)) && written;
+  if (!options.csv.empty()) written = write(options.csv, csv_text(summaries_)) && written;
   return written;
 }
 

@@ -17,7 +17,7 @@ namespace ledgerline::hil::verbs {
 struct FlightOptions {
   std::string seeds;  ///< empty: each script's own, or 1
   unsigned jobs = 1;
-  std::string json, junit, html, out;
+  std::string json, junit, html, csv, out;
   bool quiet = false;
 };
 

@@ -9,7 +9,7 @@
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/shell/path_file.hpp"
-#include "hil/netem/recording/day.hpp"
+#include "hil/netem/recording/link_recording.hpp"
 #include "hil/proxy/drone_side.hpp"
 #include "hil/shim/shim_verb.hpp"
 #include "hil/sitl/simulated_flight.hpp"
@@ -141,7 +141,7 @@ int tell_faults(const std::string& socket, const std::string& command) {
   return 0;
 }
 
-int print_day(const std::string& capture, const hil::RecordingOptions& asked) {
+int print_recording(const std::string& capture, const hil::RecordingOptions& asked) {
   const auto table = hil::table_of_capture(capture, asked);
   if (!table) return fail(table.error());
   fmt::print("{}", *table);
@@ -212,7 +212,7 @@ int ledgerline::command::hil(int argc, char** argv) {
   if (proxy.is_given()) return run_proxy(proxy_config, script);
   if (shim.is_given()) return shim.run();
   asked.answers = of == "answers";
-  if (day.is_given()) return print_day(capture, asked);
+  if (day.is_given()) return print_recording(capture, asked);
   if (faults.is_given()) return tell_faults(socket, command);
   if (const Status read = read_words(words, config); !read) return fail(read.error(), exit_usage);
   return simulated_flight(config);

@@ -20,7 +20,7 @@
 namespace {
 
 using namespace ledgerline;
-using identity::Place;
+using crypto::IdentityPlace;
 using Pair = crypto::Renewal::Pair;
 
 constexpr const char* about = "A host's key and certificate: from fabric-ca, renewed, revoked, and how long they hold.";
@@ -40,7 +40,7 @@ struct Options {
   std::string name, secret_file, program = "fabric-ca-client";
   identity::Authority authority;
   identity::Wanted wanted;
-  Place place;
+  IdentityPlace place;
   std::string config, list, config_block, msp_id, update;
   identity::Revoked revoked;
   bool same_key = false, json = false;
@@ -70,13 +70,13 @@ Status print(const Pair& pair) {
 }
 
 Status enroll(Options& options) {
-  if (!options.place.is_free())
+  if (!identity::is_free(options.place))
     return Error{fmt::format("{} has a key or a certificate already: `ledgerline identity renew`, or move it away",
-                             options.place.text())};
+                             identity::text_of(options.place))};
   const auto secret = options.secret_file.empty() ? ask_secret("Enrolment secret of " + options.name)
                                                   : read_secret(options.secret_file);
   if (!secret) return secret.error();
-  const auto home = identity::Home::make(options.place.text());
+  const auto home = identity::Home::make(identity::text_of(options.place));
   if (!home) return home.error();
   const auto command = identity::enroll(options.authority, home->text(), options.name, *secret, options.wanted);
   if (!command) return command.error();
@@ -89,7 +89,7 @@ Status enroll(Options& options) {
 
 /// Checked as the programs that take it will.
 Status renew(Options& options) {
-  const auto files = options.place.now();
+  const auto files = options.place.files_now();
   if (!files) return files.error();
   const auto old = crypto::read_pair(*files);
   if (!old) return old.error();
@@ -98,7 +98,7 @@ Status renew(Options& options) {
     if (!parts) return parts.error();
     options.wanted.subject_parts = std::move(*parts);
   }
-  const auto home = identity::Home::make(options.place.text());
+  const auto home = identity::Home::make(identity::text_of(options.place));
   if (!home) return home.error();
   if (Status lent = home->put_pair(*old); !lent) return lent;
   const auto command =
@@ -107,7 +107,7 @@ Status renew(Options& options) {
   if (Status ran = run_command(*command, *home); !ran) return ran;
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
-  crypto::Renewal renewal(options.place.text(), old->certificate.subject, old->certificate.not_after_s);
+  crypto::Renewal renewal(identity::text_of(options.place), old->certificate.subject, old->certificate.not_after_s);
   if (Status checked = renewal.check(pair, unix_now_s()); !checked)
     return Error{"the new certificate is not put in place: " + checked.error().message};
   if (Status placed = identity::put(options.place, *pair); !placed) return placed;
@@ -115,7 +115,7 @@ Status renew(Options& options) {
 }
 
 Status revoke(Options& options) {
-  const auto files = options.place.now();
+  const auto files = options.place.files_now();
   if (!files) return files.error();
   const auto registrar = crypto::read_pair(*files);
   if (!registrar) return registrar.error();
@@ -154,8 +154,8 @@ struct Shown {
   std::int64_t days = 0;
 };
 
-Shown inspect(const std::string& what, const Place& place) {
-  const auto files = place.now();
+Shown inspect(const std::string& what, const IdentityPlace& place) {
+  const auto files = place.files_now();
   const auto pair = files ? crypto::read_pair(*files) : Result<Pair>(files.error());
   Shown shown{.what = what, .subject = {}, .problem = {}};
   if (!pair) {
@@ -170,19 +170,19 @@ Shown inspect(const std::string& what, const Place& place) {
 }
 
 /// Of a program's config: [ledger]'s identity and [own_endorser]'s, and the TLS pair of each table that names one.
-Result<std::vector<std::pair<std::string, Place>>> places_of(const std::string& file) {
+Result<std::vector<std::pair<std::string, IdentityPlace>>> places_of(const std::string& file) {
   auto config = Config::load(file);
   if (!config) return config.error();
-  std::vector<std::pair<std::string, Place>> places;
-  places.emplace_back("identity",
-                      Place{config->text("ledger.msp_dir", ""),
-                            {config->text("ledger.certificate", ""), config->text("ledger.private_key", "")}});
+  std::vector<std::pair<std::string, IdentityPlace>> places;
+  places.emplace_back("identity", IdentityPlace{.msp_dir = config->text("ledger.msp_dir", ""),
+                                                .files = {config->text("ledger.certificate", ""),
+                                                          config->text("ledger.private_key", "")}});
   if (const std::string own = config->text("own_endorser.msp_dir", ""); !own.empty())
-    places.emplace_back("[own_endorser]", Place{own, {}});
+    places.emplace_back("[own_endorser]", IdentityPlace{.msp_dir = own});
   const auto add_tls = [&](const std::string& table, const std::string& shown) {
     const crypto::IdentityFiles files{config->text(table + ".tls_certificate", ""),
                                       config->text(table + ".tls_key", "")};
-    if (!files.certificate.empty()) places.emplace_back("TLS of " + shown, Place{{}, files});
+    if (!files.certificate.empty()) places.emplace_back("TLS of " + shown, IdentityPlace{.files = files});
   };
   for (const std::string table : {"ledger", "service", "serve", "own_endorser"}) add_tls(table, "[" + table + "]");
   for (const std::string table : {"orderer", "endorser", "peer", "channel"}) {
@@ -193,7 +193,7 @@ Result<std::vector<std::pair<std::string, Place>>> places_of(const std::string& 
 }
 
 Result<bool> status(const Options& options) {
-  std::vector<std::pair<std::string, Place>> places{{"identity", options.place}};
+  std::vector<std::pair<std::string, IdentityPlace>> places{{"identity", options.place}};
   if (!options.config.empty()) {
     auto found = places_of(options.config);
     if (!found) return found.error();
@@ -206,7 +206,7 @@ Result<bool> status(const Options& options) {
     good = good && one.problem.empty() && one.days >= crypto::renew_within_days;
     if (options.json) {
       all.push_back({{"what", what},
-                     {"place", place.text()},
+                     {"place", identity::text_of(place)},
                      {"subject", one.subject},
                      {"days", one.days},
                      {"problem", one.problem}});
@@ -252,7 +252,7 @@ int run(Options& options, const std::string& verb) {
                 exit_usage);
   if (verb == "status") {
     const auto good = status(options);
-    if (!good) return fail(good.error());
+    if (!good) return fail(good.error(), exit_usage);
     return *good ? 0 : 1;
   }
   const bool is_path = options.program.find('/') != std::string::npos;
@@ -274,7 +274,8 @@ int ledgerline::command::identity(int argc, char** argv) {
   Options options;
   Verb enroll = line.verb("enroll", "make a key here, and have its certificate made");
   enroll.option("NAME", options.name, "who was registered at the authority").required();
-  enroll.option("--secret-file", options.secret_file, "the secret of the registration, 0600; without: it is asked for");
+  enroll.option("--secret-file", options.secret_file, "the secret of the registration, 0600; without: it is asked for")
+      .existing_file();
   add_authority(enroll, options);
   add_wanted(enroll, options, "what stands beside the name: O=org1.example.com,C=DE");
   add_place(enroll, options, "where key and certificate are put");

@@ -36,6 +36,7 @@ struct Options {
   bool direct = false;
   double batch_timeout_ms = 10;
   int batch_count = 1;
+  bool is_timeout_given = false, is_count_given = false;  ///< else the config block's count, where there is one
 };
 
 Result<init::ProfilePlan> plan_by_deployment(const Options& options) {
@@ -87,9 +88,12 @@ Status write_configs(const Options& options) {
   auto planned = options.deployment.empty() ? plan_by_profile(options) : plan_by_deployment(options);
   if (!planned) return planned.error();
   if (auto status = init::add_channels(planned->plan, options.channels); !status) return status;
-  const auto timeout_ns = static_cast<TimeNs>(options.batch_timeout_ms * ns_per_ms);
-  planned->plan.timeouts =
-      deployment::timeout_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(options.batch_count)));
+  fabric::Batching batching{.timeout_ns = static_cast<TimeNs>(options.batch_timeout_ms * ns_per_ms),
+                            .max_messages = static_cast<std::uint32_t>(options.batch_count)};
+  const fabric::Batching of_block = planned->batching.value_or(batching);
+  if (!options.is_timeout_given) batching.timeout_ns = of_block.timeout_ns;
+  if (!options.is_count_given) batching.max_messages = of_block.max_messages;
+  planned->plan.timeouts = deployment::timeout_with(fabric::both_ways_ns(batching.timeout_ns, batching.max_messages));
   planned->plan.client_authorities = options.client_authorities;
   const auto files = init::files_of(init::role_of(options.role), planned->plan);
   if (!files) return files.error();
@@ -141,10 +145,11 @@ void role_options(CommandLine& line, Options& options) {
       .one_at_a_time()
       .utf8_path();
   line.option("--config-block", options.folders.config_block,
-              "trust anchor; without: OUT/CHANNEL.block. With --profile the channel's name and its organisations, with "
-              "their authorities, are read from it")
+              "trust anchor; without: OUT/CHANNEL.block. With --profile the channel's name, batches and organisations, "
+              "with their authorities, are read from it")
       .utf8_path();
-  line.option("--batch-timeout", options.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
+  line.option("--batch-timeout", options.batch_timeout_ms,
+              "ms, of the channel, in place of the block's: programs wait accordingly")
       .within(0.0, 60'000.0)
       .shows_default();
   line.option("--batch-count", options.batch_count, "of the channel; 1: its timeout does not count")
@@ -179,6 +184,8 @@ int ledgerline::command::init(int argc, char** argv) {
   line.option("--certificate", certificate, "what the authority made of the request: beside the key with it");
   line.option("--collect", collect, "folder of a ledger: copies what other hosts need, and no key").existing_path();
   if (const auto end = line.parse(argc, argv)) return *end;
+  options.is_timeout_given = line.is_given("--batch-timeout");
+  options.is_count_given = line.is_given("--batch-count");
 
   const int asked =
       (example ? 1 : 0) + !request.empty() + !certificate.empty() + !collect.empty() + !options.role.empty();

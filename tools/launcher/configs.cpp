@@ -238,6 +238,10 @@ void add_flight(ConfigFile& out, const Options& options) {
 
 }  // namespace
 
+deployment::Timeouts agents_timeouts(const Options& options) {
+  return deployment::timeout_with(both_ways(options), options.max_age_ns);
+}
+
 std::string user_dir(const RunFiles& files, int organisation, const std::string& user) {
   return fmt::format("{}/users/{}@org{}.ledgerline", organisation_dir(files, organisation), user, organisation);
 }
@@ -330,9 +334,7 @@ LedgerAccess follower_access(const RunFiles& files, const Options& options, cons
 Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
                      const Proxied& proxied) {
   if (!options.listen.empty()) {
-    const std::string address = listen_address_from(options.listen)->address;
-    if (free_port(address) == 0) return Error{"--listen: " + address + " is no address of this computer"};
-    if (auto s = make_page_certificate(files, address); !s) return s;
+    if (auto s = make_page_certificate(files, listen_address_from(options.listen)->address); !s) return s;
   }
   const deployment::OwnLedger* network = is_of_others(options) ? &*options.own->network : nullptr;
   // What both sides of the ledger have.
@@ -351,7 +353,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   };
   ConfigFile agent = follower("agent"), ground = follower("ground");
   // On a slow ledger a command may be older, and a quiet ledger is not yet a silent one.
-  add_timeouts(agent, deployment::timeout_with(both_ways(options), options.max_age_ns));
+  add_timeouts(agent, agents_timeouts(options));
   if (options.endorser_within) {
     const std::string own = endorser_dir(files);
     agent.text("[own_endorser]", "msp_dir", own + "/msp");
@@ -376,7 +378,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
       {"operator", network ? network->pilot : control_config(files, places, 2, "User1")},
   };
   for (const auto& [program, text] : all) {
-    if (program == "operators-admin" && options.operators.empty()) continue;
+    if (text.empty() || (program == "operators-admin" && options.operators.empty())) continue;
     if (auto status = write_file(files.config(program), text); !status) return status;
   }
   return done;

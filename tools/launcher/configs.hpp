@@ -66,6 +66,9 @@ using Proxied = std::map<std::string, std::string>;
 Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
                      const Proxied& proxied = {});
 
+/// What a flight's agent.toml says of time: for the blocks of a ledger that the flight starts, and --max-age.
+deployment::Timeouts agents_timeouts(const Options& options);
+
 /// Somebody who signs in at a flight's page.
 struct MadeOperator {
   std::string name;

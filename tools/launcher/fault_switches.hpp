@@ -37,7 +37,7 @@ class FaultSwitches {
   void on_sent(const Step& step) { all_[step.which].may_be_on |= step.on; }
   /// The proxy has done it.
   void on_done(const Step& step) { all_[step.which].on = all_[step.which].may_be_on = step.on; }
-  /// What leaves nothing on, nor what may be.
+  /// Commands that switch off everything that is, or may be, on.
   std::vector<Step> steps_off() const;
   /// From here on nothing is switched on.
   void end() { ended_ = true; }

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "common/msg/contract.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"
@@ -28,6 +29,7 @@ Status FlightLedger::start() {
 
 Status FlightLedger::prepare() {
   if (is_of_others(options_)) {
+    if (auto s = preflight_.blocks_fit(); !s) return s;
     if (auto s = write_configs(files_, options_, LedgerPlaces{}); !s) return s;
     return enroll_and_acquire();
   }
@@ -91,6 +93,15 @@ Status FlightLedger::enroll_and_acquire() {
   }
   if (!network || !network->admin.empty()) {
     if (auto s = programs_.run_to_end("control-enroll", enroll); !s) return s;
+  }
+  if (options_.own && !network) {  // a new ledger grants the operators tello1 and so on alone
+    std::vector<std::string> grant{"--config",       files_.config("admin"),
+                                   "grant",          "--msp",
+                                   "Org2MSP",        "--fly",
+                                   "--stop",         "--cut",
+                                   "--max-priority", std::to_string(contract::max_priority)};
+    for (const std::string& name : drone_names(options_)) grant.push_back(name);
+    if (auto s = programs_.run_to_end("control-grant", grant); !s) return s;
   }
   if (!options_.operators.empty()) return enroll_operators();
   if (acquires) {

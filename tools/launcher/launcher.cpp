@@ -10,8 +10,10 @@
 #include <utility>
 
 #include "common/base/file.hpp"
+#include "common/base/text.hpp"
 #include "sim/core/sensors.hpp"
 #include "tools/checks/shell/host_probe.hpp"
+#include "tools/command/runtime_folder.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/launcher/page_access.hpp"
 #include "tools/timing/usage.hpp"
@@ -25,6 +27,7 @@ constexpr TimeNs watch_ns = 50 * ns_per_ms;
 constexpr TimeNs usage_period_ns = ns_per_s;  // looking at all threads has its price
 constexpr TimeNs memory_period_ns = 5 * ns_per_s;
 constexpr TimeNs timeout_ns = 5 * ns_per_s, fabric_timeout_ns = 30 * ns_per_s;
+constexpr TimeNs first_list_after_ns = 3 * ns_per_s;  // a drone has answered by then
 constexpr TimeNs landing_timeout_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
 // Soon: without link a drone goes on with its last setpoint, and without agent it is not to come to landing. What dies
 // faster than this does not fly.
@@ -97,13 +100,14 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
                 }),
       ledger_(options_, files_, programs_, preflight_, live_),
       controller_(controller_program(options_)),
+      runtime_folder_(runtime_folder(environment_variable("XDG_RUNTIME_DIR"), environment_variable("HOME"))),
       all_programs_(programs_of(options_)) {
   // Without a ledger the controller is link's other end; a flight does not outlive it.
   for (const char* name : {"roudi", "link", "agent"}) {
     if (options_.ledger == Ledger::none) break;
     onboard_.push_back({name, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()) + onboard_.size())});
   }
-  // Who flies by the page goes on with a new ground.
+  // With the page ground is restarted, too.
   if (options_.watch && options_.manual)
     onboard_.push_back({controller_, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()))});
 }
@@ -122,7 +126,7 @@ void Launcher::on_line(const std::string& name, const json& message, const std::
   }
 }
 
-// The token is no word for a log: the terminal alone has it.
+// Prints the token on the terminal only; it is never logged.
 void Launcher::show_page(const std::string& url) {
   auto token = read_file(files_.page_token());
   if (!token) {
@@ -133,8 +137,9 @@ void Launcher::show_page(const std::string& url) {
   const std::string page = fmt::format("{}/#token={}", url, *token);
   live_.print("The page: " + page);
   if (!options_.listen.empty()) show_access_of_others(page);
-  live_.print(fmt::format("By commands: export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}{}", url,
-                          files_.page_token(),
+  const Status linked = link_station(runtime_folder_, files_.config(controller_));
+  live_.print(fmt::format("By commands: {}export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}{}",
+                          linked ? "ledgerline drones; from elsewhere: " : "", url, files_.page_token(),
                           options_.listen.empty() ? "" : " LEDGERLINE_CA=" + files_.in("page-ca.pem")));
   if (!std::exchange(options_.open, false)) return;  // a ground that comes back has its page open
   if (const Status opened = open_in_browser(page, files_.in("open.html")); !opened)
@@ -184,12 +189,18 @@ Status Launcher::wait_for_drones() {
   preflight_.set_clock(checks::probe_clock());
   const TimeNs limit_ns = options_.own->flight.wait_ns;
   const TimeNs until_ns = monotonic_ns() + limit_ns;
+  TimeNs list_at_ns = monotonic_ns() + first_list_after_ns;
   for (Status ready = preflight_.ready(); !ready; ready = preflight_.ready()) {
     if (auto s = programs_.check(); !s) return s;
     if (monotonic_ns() > until_ns) {
       live_.print(preflight_.list());
       return Error{
           fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), ready.error().message)};
+    }
+    if (monotonic_ns() > list_at_ns) {
+      list_at_ns = until_ns;  // once
+      live_.print(preflight_.list() +
+                  fmt::format("Waiting for what is broken, {:.0f} s at most", to_seconds(limit_ns)));
     }
     programs_.poll(watch_ns);
   }
@@ -228,6 +239,11 @@ void Launcher::write_usage(const timing::UsageRecord& usage) {
 Status Launcher::fly() {
   const std::uint64_t ledger_before = ledger_.program().empty() ? 0 : bytes_below(files_.in("ledger/."));
   record_.begin_ns = monotonic_ns();
+  if (options_.manual && !options_.watch)
+    live_.print(
+        fmt::format("Waiting for a pilot's ROS 2 messages: /{}/takeoff, cmd_vel, land (docs/ros2.md). Ctrl-C "
+                    "lands what flies and ends the flight",
+                    drone_name(options_, 1)));
   UsageMeter meter(programs_, all_programs_, record_);
   write_usage(meter.usage());
   int interrupts_seen = 0;
@@ -241,7 +257,7 @@ Status Launcher::fly() {
     if (!programs_.is_running(controller_) && !is_controller_restarted()) {
       if (!programs_.has_succeeded(controller_)) result = Error{programs_.why_controller_ended()};
       // Its exit code says how the flight went.
-      if (programs_.how_it_ended(controller_).find("signal") != std::string::npos) record_early_end(controller_);
+      if (programs_.was_killed(controller_)) record_early_end(controller_);
       flying = false;
     }
     // Without a ledger nothing is started again: it is a reference, not a flight to be kept up.
@@ -279,8 +295,7 @@ Status Launcher::fly() {
 
 // One that was killed, and not asked to end.
 bool Launcher::is_controller_restarted() const {
-  return options_.watch && options_.manual && interrupts_ == 0 &&
-         programs_.how_it_ended(controller_).find("signal") != std::string::npos;
+  return options_.watch && options_.manual && interrupts_ == 0 && programs_.was_killed(controller_);
 }
 
 // A process ends; or RouDi lost chunks with one that was killed, and nothing flies: a new one has them all.
@@ -377,6 +392,7 @@ RunRecord Launcher::run() {
   record_.ok = status.ok();
   if (!status) record_.why = status.error().message;
   stop_all(programs_.has_succeeded(controller_));
+  if (!runtime_folder_.empty()) unlink_station(runtime_folder_, files_.config(controller_));
   if (!programs_.has_succeeded("roudi")) remove_roudi_leftovers();
   return record_;
 }

@@ -45,7 +45,7 @@ class Programs : public Children {
 
   /// `other_program`: the service or verb, where it is not the first part of the name.
   Status start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program = {});
-  /// Before take-off: nobody has ended, and nobody wants it to end.
+  /// Before take-off: no program has ended, and no Ctrl-C came.
   Status check() const;
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
@@ -159,6 +159,7 @@ class Launcher {
   bool endorser_gone_ = false;
   bool link_given_up_ = false;                   ///< killed here, for a new RouDi
   const std::string controller_;                 ///< ground; local without a ledger
+  const std::string runtime_folder_;             ///< of this user
   const std::vector<std::string> all_programs_;  ///< that live through the flight
 };
 

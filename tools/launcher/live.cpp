@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace ledgerline::launcher {
@@ -30,6 +31,19 @@ std::string text(const json& object, const char* key, const std::string& otherwi
 }
 
 std::string in_ms(double ms) { return ms < 0 ? "  -  " : fmt::format("{:4.0f} ms", ms); }
+
+/// Where it is: in `map`, or without a pose how high.
+std::string place(const std::optional<std::array<double, 3>>& at_m, std::optional<double> height_m, bool narrow) {
+  std::string text = height_m ? fmt::format("height {:.2f} m", *height_m) : "-";
+  const double step_m = narrow ? 0.1 : 0.01;
+  const auto shown = [&](std::size_t i) { return std::abs((*at_m)[i]) < step_m / 2 ? 0 : (*at_m)[i]; };  // no "-0.00"
+  if (at_m) text = fmt::format("{:6.2f} {:6.2f} {:5.2f} m", shown(0), shown(1), shown(2));
+  if (at_m && narrow) return fmt::format("{:.1f} {:.1f} {:.1f} m", shown(0), shown(1), shown(2));
+  return narrow ? text : fmt::format("{:>21}", text);
+}
+
+/// What there is in less room.
+std::string short_ms(double ms) { return ms < 0 ? "   -" : fmt::format("{:4.0f}", ms); }
 
 }  // namespace
 
@@ -80,32 +94,45 @@ bool Live::on_status(const std::string& line) {
       drone->state_age_ms = number(one, "state_age_ms", -1);
       drone->command_age_ms = number(one, "command_age_ms", -1);
       drone->two_way_ms = number(one, "two_way_ms", -1);
+      if (const auto height = one.find("height_m"); height != one.end() && height->is_number())
+        drone->height_m = height->get<double>();
       const auto position = one.find("position");
+      drone->position_m.reset();
       if (position == one.end() || !position->is_array() || position->size() != 3) continue;
+      drone->position_m.emplace();
       for (std::size_t i = 0; i < 3; ++i) {
-        if ((*position)[i].is_number()) drone->position[i] = (*position)[i].get<double>();
+        if ((*position)[i].is_number()) (*drone->position_m)[i] = (*position)[i].get<double>();
       }
     }
   }
   return true;
 }
 
-std::vector<std::string> Live::lines(TimeNs now_ns) const {
+std::vector<std::string> Live::lines(TimeNs now_ns, std::size_t columns) const {
   std::vector<std::string> lines;
+  const bool narrow = columns < wide_columns;
   for (const Drone& d : drones_) {
+    const bool calm = d.mode.empty() || d.mode == "none";
     std::string phase = d.phase;
-    if (d.phase == "path") phase = fmt::format("path {:.0f} %, lap {}", 100 * d.progress, d.lap);
-    if (!d.mode.empty() && d.mode != "none") phase += " (" + d.mode + ")";
-    lines.push_back(
-        fmt::format("{:5.1f} s  {:8} {:16} {:6.2f} {:6.2f} {:5.2f} m  state {}  command {}  block {:5}  two-way {}",
-                    to_seconds(now_ns - start_ns_), d.name, phase, d.position[0], d.position[1], d.position[2],
-                    in_ms(d.state_age_ms), in_ms(d.command_age_ms), height_, in_ms(d.two_way_ms)));
+    if (d.phase == "path") phase = fmt::format("path {:.0f} %", 100 * d.progress);
+    if (d.phase == "path" && (calm || !narrow)) phase += fmt::format(", lap {}", d.lap);
+    if (!calm) phase += " (" + d.mode + ")";
+    const std::string where = place(d.position_m, d.height_m, narrow);
+    if (narrow) {
+      lines.push_back(fmt::format("{:4.0f}s {:6} {:16} age {} 2-way {} ms block {} {}", to_seconds(now_ns - start_ns_),
+                                  d.name, phase, short_ms(d.state_age_ms), short_ms(d.two_way_ms), height_, where));
+      continue;
+    }
+    lines.push_back(fmt::format("{:5.1f} s  {:8} {:16} {}  state {}  command {}  block {:5}  two-way {}",
+                                to_seconds(now_ns - start_ns_), d.name, phase, where, in_ms(d.state_age_ms),
+                                in_ms(d.command_age_ms), height_, in_ms(d.two_way_ms)));
   }
   return lines;
 }
 
 void Live::clear() {
-  if (terminal_ && shown_ > 0) std::fprintf(stderr, "\033[%zuA\033[J", shown_);
+  // A terminal that shows ^C has moved the cursor from the row's begin.
+  if (terminal_ && shown_ > 0) std::fprintf(stderr, "\r\033[%zuA\033[J", shown_);
   shown_ = 0;
 }
 
@@ -118,9 +145,11 @@ void Live::show(TimeNs now_ns) {
   if (now_ns < next_ns_) return;
   next_ns_ = now_ns + (terminal_ ? terminal_period_ns : log_period_ns);
   clear();
-  auto all = lines(now_ns);
-  if (winsize size{}; terminal_ && ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 && size.ws_row > 0)
-    all = fitted(std::move(all), size.ws_col, size.ws_row);
+  winsize size{};
+  const bool is_sized =
+      terminal_ && ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 && size.ws_row > 0;
+  auto all = lines(now_ns, is_sized ? size.ws_col : wide_columns);
+  if (is_sized) all = fitted(std::move(all), size.ws_col, size.ws_row);
   for (const std::string& line : all) std::fprintf(stderr, "%s\n", line.c_str());
   if (terminal_) shown_ = all.size();
 }

@@ -1,5 +1,7 @@
 #pragma once
+#include <array>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,8 +25,9 @@ class Live {
   void show(TimeNs now_ns);
   /// Text of its own, above the live lines.
   void print(const std::string& text);
-  /// The lines as they would be shown; for tests too.
-  std::vector<std::string> lines(TimeNs now_ns) const;
+  static constexpr std::size_t wide_columns = 120;  ///< of a line with all there is
+  /// The lines as they would be shown; for tests too. In less room: shorter, what matters least at the end.
+  std::vector<std::string> lines(TimeNs now_ns, std::size_t columns = wide_columns) const;
   /// As ground said last: drones that are in the air, by its phases.
   bool anything_in_air() const;
 
@@ -33,7 +36,8 @@ class Live {
     std::string name, phase = "waiting", link_phase, mode;
     int lap = 0;
     double progress = 0;
-    double position[3] = {};
+    std::optional<std::array<double, 3>> position_m{};  ///< none: no pose
+    std::optional<double> height_m{};                   ///< its own, above take-off
     double state_age_ms = -1, command_age_ms = -1, two_way_ms = -1;
   };
   void clear();

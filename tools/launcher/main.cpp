@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/file.hpp"
+#include "common/base/text.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/command/verbs.hpp"
@@ -49,7 +50,7 @@ int failed(const std::string& what) {
 /// The ledger's directory in memory: one flight at a time has it, and what a killed one left is removed.
 class MemoryDirectory {
  public:
-  static Status make(const launcher::RunFiles& files, std::unique_ptr<MemoryDirectory>& out) {
+  static Result<std::unique_ptr<MemoryDirectory>> make(const launcher::RunFiles& files) {
     std::error_code error;
     fs::remove_all(path, error);
     // One that somebody else made meanwhile is not ours.
@@ -57,8 +58,7 @@ class MemoryDirectory {
     if (!error) fs::permissions(path, fs::perms::owner_all, error);
     if (!error) fs::create_symlink(path, files.in("ledger"), error);
     if (error) return Error{fmt::format("cannot make {}: {}", path, error.message())};
-    out.reset(new MemoryDirectory(files.in("ledger")));
-    return done;
+    return std::unique_ptr<MemoryDirectory>(new MemoryDirectory(files.in("ledger")));
   }
   ~MemoryDirectory() {
     std::error_code error;
@@ -121,8 +121,7 @@ int ledgerline::command::fly(int argc, char** argv) {
 
   std::vector<std::string> notes = asked.options.notes;
   const auto problems = launcher::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
-  const char* uri = std::getenv("CYCLONEDDS_URI");
-  if (uri && *uri && asked.options.cyclonedds.empty())
+  if (!environment_variable("CYCLONEDDS_URI").empty() && asked.options.cyclonedds.empty())
     notes.emplace_back("CYCLONEDDS_URI is set and not looked at: DDS stays on this machine (or give --dds FILE)");
   for (const auto& note : notes) fmt::print(stderr, "note: {}\n", note);
   if (!problems.empty()) fmt::print(stderr, "{}", words(problems));
@@ -137,7 +136,9 @@ int ledgerline::command::fly(int argc, char** argv) {
   const std::string ledger = asked.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
   std::unique_ptr<MemoryDirectory> memory;
   if (asked.options.tmpfs) {
-    if (const Status made = MemoryDirectory::make(files, memory); !made) return failed(made.error().message);
+    auto made = MemoryDirectory::make(files);
+    if (!made) return failed(made.error().message);
+    memory = std::move(*made);
   }
   const Status room = check_space(ledger, launcher::min_ledger_bytes(asked.options), "the ledger of a flight");
   if (!room) return failed(room.error().message);

@@ -16,6 +16,7 @@
 #include "sim/core/sensors.hpp"
 #include "tools/deployment/deployment.hpp"
 #include "tools/launcher/configs.hpp"
+#include "tools/launcher/machine.hpp"
 #include "tools/launcher/page_access.hpp"
 #include "tools/launcher/preflight.hpp"
 
@@ -171,7 +172,8 @@ void add_run_options(CommandLine& line, Options& o) {
       .needs(watch)
       .checked_by("ADDRESS", [](const std::string& text) {
         const auto listen = listen_address_from(text);
-        return listen ? std::string() : listen.error().message;
+        if (!listen) return listen.error().message;
+        return free_port(listen->address) > 0 ? "" : text + " is no address of this computer (`ip address` lists them)";
       });
   line.flag("--open", o.open, "Open the page in the browser, where there is xdg-open").needs(watch);
   const Option operators =
@@ -372,7 +374,7 @@ Status apply_deployment(const CommandLine& line, Words& words, Options& o) {
     o.orderers = host->orderers;
     return done;
   }
-  auto own = deployment::read_own_drones(*config);
+  auto own = deployment::read_own_drones(*config, words.deployment);
   if (!own) return Error{"--deployment: " + own.error().message};
   o.drones = static_cast<int>(own->drones.size());
   words.ledger = deployment::name_of(own->ledger);

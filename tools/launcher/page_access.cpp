@@ -4,14 +4,18 @@
 #include <fmt/format.h>
 #include <qrencode.h>
 
+#include <filesystem>
 #include <memory>
 
 #include "common/base/file.hpp"
 #include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
+#include "tools/command/runtime_folder.hpp"
 
 namespace ledgerline::launcher {
 namespace {
+
+namespace fs = std::filesystem;
 
 constexpr int certificate_days = 30;  // of one run: no flight is longer
 
@@ -44,6 +48,23 @@ Status make_page_certificate(const RunFiles& files, const std::string& address) 
   if (auto s = write_file(files.in("page-ca.pem"), ca->certificate_pem); !s) return s;
   if (auto s = write_file(files.in("page.pem"), page->certificate_pem); !s) return s;
   return write_file(files.in("page.key"), page->key_pem, 0600);
+}
+
+Status link_station(const std::string& folder, const std::string& config) {
+  if (folder.empty()) return Error{"neither XDG_RUNTIME_DIR nor HOME is set"};
+  const fs::path link = fs::path(folder) / flight_link, made = link.string() + ".new";
+  std::error_code error;
+  if (fs::create_directories(folder, error)) fs::permissions(folder, fs::perms::owner_all, error);
+  if (!error) fs::remove(made, error);
+  if (!error) fs::create_symlink(config, made, error);
+  if (!error) fs::rename(made, link, error);
+  return error ? Status(Error{fmt::format("cannot make {}: {}", link.string(), error.message())}) : Status(done);
+}
+
+void unlink_station(const std::string& folder, const std::string& config) {
+  const fs::path link = fs::path(folder) / flight_link;
+  std::error_code error;
+  if (fs::read_symlink(link, error) == config) fs::remove(link, error);
 }
 
 Result<std::string> fingerprint(const std::string& pem) {

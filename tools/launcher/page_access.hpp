@@ -17,6 +17,12 @@ Result<ListenAddress> listen_address_from(const std::string& text);
 /// Makes an authority, whose key is not kept, and a certificate of this address: page-ca.pem, page.pem, page.key
 /// (0600).
 Status make_page_certificate(const RunFiles& files, const std::string& address);
+/// From now on `ledgerline drones` and its like find the station of this ground's config by themselves: a link to
+/// it in that folder (runtime_folder), in the place of one that an earlier flight left.
+Status link_station(const std::string& folder, const std::string& config);
+/// Removes the link, unless another flight's stands there.
+void unlink_station(const std::string& folder, const std::string& config);
+
 /// As browsers show it: "AB:CD:...", SHA-256 of the first certificate in a PEM text. An error: there is none.
 Result<std::string> fingerprint(const std::string& pem);
 

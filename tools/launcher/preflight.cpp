@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "common/base/file.hpp"
 #include "common/base/text.hpp"
+#include "common/common.pb.h"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/msg/proto_json.hpp"
 #include "sim/core/parameters.hpp"
 #include "tools/launcher/configs.hpp"
@@ -24,12 +27,19 @@ std::string text_in(const json& object, const char* key, const std::string& othe
 
 void read_drone(const json& one, DroneInputs& drone) {
   const std::string phase = text_in(one, "phase", "disconnected");
-  drone.there = phase != "disconnected";
+  // Of one that is to report its serial nothing counts before that.
+  const auto serial = one.find("serial");
+  const bool is_asked = drone.wanted_serial.empty() || (serial != one.end() && serial->is_string());
+  drone.serial = text_in(one, "serial", "");
+  const bool is_diverted = one.value("diverted", json()) == true;
+  drone.state_hz = is_diverted ? std::optional(0.0) : std::nullopt;
+  drone.there = is_diverted || (phase != "disconnected" && is_asked);
   drone.phase = phase == "on_ground" || phase == "landed" ? "" : phase;
   drone.refusal = text_in(one, "cause", "unknown");
   if (drone.refusal == "none") drone.refusal.clear();
   const auto battery = one.find("battery");
-  if (battery != one.end() && battery->is_number()) drone.battery = battery->get<double>();
+  if (battery != one.end() && battery->is_number() && battery->get<double>() >= 0)
+    drone.battery = battery->get<double>();
   const auto temperature = one.find("temperature_c");
   if (temperature != one.end() && temperature->is_number() && temperature->get<double>() != 0)
     drone.temperature_c = temperature->get<double>();
@@ -73,6 +83,58 @@ Status check_path(const Options& o, const link::FenceSettings& fence, const std:
   return done;
 }
 
+namespace {
+
+/// Whether agent and ground wait for the blocks of a network of others, by the config_block of the deployment's files;
+/// without one it is not known, which is a warning. Broken: every command would be too old.
+checks::Findings assess_blocks(const Options& options) {
+  if (!is_of_others(options)) return {};
+  const deployment::OwnLedger& network = *options.own->network;
+  const deployment::Timeouts agents = agents_timeouts(options);
+  checks::Findings all;
+  const auto look = [&](const std::string& key, const std::string& tables, checks::TimeoutInputs inputs) {
+    inputs.program = "the file of " + key;
+    auto config = Config::parse(tables, key);
+    if (!config) return;  // the program's own start says so, and what is wrong with the block
+    inputs.of_channel = config->text("ledger.timeouts", "fixed") == "auto";
+    const std::string file = config->text("ledger.config_block", "");
+    if (file.empty() && !inputs.of_channel)
+      all.push_back(flag(checks::Problem::anchor_missing, "blocks",
+                         inputs.program + ": whether its blocks come in time is not known"));
+    const auto bytes = read_file(file);
+    common::Block block;
+    if (!bytes || !block.ParseFromString(*bytes)) return;
+    const auto channel = fabric::read_channel_config(block);
+    if (!channel || !channel->batching) return;
+    inputs.deadline_ns = config->integer("ledger.deadline_ms", 1'000, 100, 600'000) * ns_per_ms;
+    checks::Finding found = assess(*channel->batching, inputs);
+    if (found.problem) {
+      const TimeNs longer_ns = fabric::both_ways_ns(channel->batching->timeout_ns, channel->batching->max_messages);
+      if (longer_ns < inputs.max_age_ns.value_or(inputs.deadline_ns)) found.severity = checks::Severity::warning;
+      found.cure = fmt::format("set timeouts = \"auto\" in [ledger] of {}; or a shorter BatchTimeout", inputs.program);
+    }
+    all.push_back(std::move(found));
+  };
+  look("ledger.agent", network.agent,
+       {.program = {}, .max_age_ns = agents.max_age_ns, .silent_after_ns = agents.silent_after_ns});
+  look("ledger.ground", network.ground, {.program = {}});
+  return all;
+}
+
+/// Without the time that corners take.
+double path_s(const Options& options) {
+  constexpr double takeoff_s = 5;
+  double max_s = 0;
+  for (int k = 1; k <= options.drones && !options.manual; ++k) {
+    const ground::Task& course = task_of(options, k).course;
+    const ground::Path path(ground::waypoints_of(course), {0, 0});
+    max_s = std::max(max_s, takeoff_s + course.laps * path.length_m() / course.speed_mps);
+  }
+  return max_s;
+}
+
+}  // namespace
+
 FlightInputs inputs_of(const Options& options) {
   FlightInputs inputs;
   if (!options.own) return inputs;
@@ -83,10 +145,12 @@ FlightInputs inputs_of(const Options& options) {
     inputs.drones.push_back(std::move(drone));
   }
   inputs.link = own.link;
+  inputs.path_s = path_s(options);
   inputs.pose_source = own.pose_source;
   inputs.pose_topic = own.pose_topic;
   inputs.stamps_count = own.pose_stamps_count;
   inputs.enrols = !own.network || !own.network->admin.empty();
+  inputs.blocks = assess_blocks(options);
   inputs.ledger.what = own.network ? "a network of others" : deployment::name_of(own.ledger);
   return inputs;
 }

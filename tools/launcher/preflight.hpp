@@ -52,6 +52,8 @@ class Preflight {
   std::string list() const;
   /// Whether the path stays within the fence from where the drones stand.
   Status path_fits() const;
+  /// Whether agent and ground wait long enough for the blocks of a network of others.
+  Status blocks_fit() const { return check(inputs_.blocks); }
   /// Whether every drone can be acquired; else who holds it, and the cure.
   Status leases_fit() const;
 

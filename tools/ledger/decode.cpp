@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <functional>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
@@ -23,12 +24,29 @@ namespace {
 
 using json = nlohmann::ordered_json;
 
+std::optional<json> decoded(std::string_view bytes, google::protobuf::Message& message) {
+  if (!parse_message(bytes, message)) return std::nullopt;
+  json value = json::parse(to_json(message), nullptr, false);
+  if (value.is_discarded()) return std::nullopt;
+  // As `ledgerline audit` has it, in the place of Base64.
+  if (const auto* anchored = dynamic_cast<const AnchorCall*>(&message))
+    value["digest"] = crypto::hex(anchored->digest());
+  return value;
+}
+
 template <typename Message>
 std::optional<json> as(std::string_view bytes) {
   Message message;
-  if (!parse_message(bytes, message)) return std::nullopt;
-  json value = json::parse(to_json(message), nullptr, false);
-  return value.is_discarded() ? std::nullopt : std::optional(std::move(value));
+  return decoded(bytes, message);
+}
+
+/// A record of the contract, whose type is its message's name; none: of another.
+std::optional<json> record_of(const std::string& type, std::string_view bytes) {
+  const auto* known = google::protobuf::DescriptorPool::generated_pool()->FindMessageTypeByName(type);
+  if (known == nullptr || !type.starts_with("ledgerline.")) return std::nullopt;
+  const std::unique_ptr<google::protobuf::Message> message(
+      google::protobuf::MessageFactory::generated_factory()->GetPrototype(known)->New());
+  return decoded(bytes, *message);
 }
 
 std::optional<json> set_call(std::string_view bytes) {
@@ -85,6 +103,35 @@ std::string verdict_of(int code) {
 
 json bytes_of(std::string_view bytes) { return {{"bytes", bytes.size()}}; }
 
+std::optional<json> transitions_of(const std::string& data) {
+  const auto transitions = transitions_from_cdr(data);
+  if (!transitions) return std::nullopt;
+  json all = json::array();
+  for (const Transition& one : *transitions) {
+    all.push_back({{"number", one.number},
+                   {"phase", name(one.phase)},
+                   {"mode", name(one.mode)},
+                   {"cause", name(one.cause)},
+                   {"stamp_ns", one.stamp_ns},
+                   {"boot_id", std::to_string(one.boot_id)}});  // beyond what JSON's numbers hold
+  }
+  return all;
+}
+
+std::optional<json> alarms_of(const std::string& data) {
+  const auto alarms = alarms_from_cdr(data);
+  if (!alarms) return std::nullopt;
+  json all = json::array();
+  for (const Alarm& one : *alarms) {
+    all.push_back({{"kind", printable(one.kind)},
+                   {"stands", one.stands},
+                   {"count", one.count},
+                   {"words", printable(one.words)},
+                   {"block", one.block}});
+  }
+  return all;
+}
+
 /// Of the types that this project puts on the ledger; none: another.
 std::optional<json> value_of(const Asset& asset) {
   const std::string& type = asset.msg_type();
@@ -112,8 +159,9 @@ std::optional<json> value_of(const Asset& asset) {
                 {"mode", name(sample.mode)},
                 {"cause", name(sample.cause)}};
   }
-  if (type == "ledgerline.Control") return as<Control>(data);
-  return std::nullopt;
+  if (type == alarms_type && asset.id().ends_with("/alarm")) return alarms_of(data);
+  if (type == transitions_type) return transitions_of(data);
+  return record_of(type, data);
 }
 
 /// An array of numbers stays in one line.
@@ -173,9 +221,10 @@ json asset_json(const Asset& asset) {
   return one;
 }
 
-json transaction_json(std::uint64_t block, const fabric::Transaction& transaction) {
+json transaction_json(const fabric::Block& block, const fabric::Transaction& transaction) {
   json one{{"transaction", printable(transaction.tx_id)},
-           {"block", block},
+           {"block", block.number},
+           {"block_hash", crypto::hex(fabric::block_header_hash(block.number, block.previous_hash, block.data_hash))},
            {"channel", printable(transaction.channel)},
            {"code", transaction.code},
            {"verdict", verdict_of(transaction.code)}};
@@ -197,6 +246,30 @@ json transaction_json(std::uint64_t block, const fabric::Transaction& transactio
   return one;
 }
 
+void TransactionSearch::add(const std::string& bytes) {
+  const auto block = fabric::decode_block(bytes);
+  if (!block) {
+    damage_ = block.error().message;
+    return;
+  }
+  for (const fabric::Transaction& one : block->transactions) {
+    if (beginning_.empty() || !one.tx_id.starts_with(beginning_)) continue;
+    if (!first_) first_ = transaction_json(*block, one);
+    if (ids_.size() < max_ids) ids_.insert(one.tx_id);
+  }
+}
+
+Result<json> TransactionSearch::result() const {
+  if (ids_.size() > 1)
+    return Error{fmt::format("{} transactions begin with {}: type more of it",
+                             ids_.size() < max_ids ? std::to_string(ids_.size()) : fmt::format("{} or more", max_ids),
+                             printable(beginning_))};
+  // Another one that begins so may be in the part that could not be read.
+  if (!damage_.empty() && !(first_ && is_whole_id())) return Error{damage_};
+  if (first_) return *first_;
+  return Error{fmt::format("transaction {} is not there", printable(beginning_))};
+}
+
 json history_json(const std::vector<Version>& versions) {
   json all = json::array();
   for (const Version& version : versions) {
@@ -210,6 +283,17 @@ json history_json(const std::vector<Version>& versions) {
     all.push_back(std::move(one));
   }
   return all;
+}
+
+std::string history_note(const std::string& id) {
+  constexpr std::string_view control = "control/";
+  if (!id.starts_with(control)) return "";
+  const std::string drone = id.substr(control.size());
+  return fmt::format(
+      "Records of their own: stops under 'stop/{0}/*' (`ledgerline ledger get` lists them), grants under grant/{0}, "
+      "requests "
+      "under request/{0}.\n",
+      drone);
 }
 
 std::string lines(const json& value) {

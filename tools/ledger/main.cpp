@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -33,14 +34,8 @@ void print(const Options& options, const json& value) {
     fmt::print("{}", ledger::lines(value));
 }
 
-Result<std::unique_ptr<fabric::Client>> connect(const Options& options) {
-  auto config = fabric::load_ledger_config(options.config);
-  if (!config) return config.error();
-  return fabric::Client::create(std::move(*config));
-}
-
-Status get(const Options& options) {
-  const auto client = connect(options);
+Status get(const Options& options, fabric::ClientConfig config) {
+  const auto client = fabric::Client::create(std::move(config));
   if (!client) return client.error();
   json assets = json::array();
   const auto evaluate = [&](const fabric::Call& call) { return (*client)->evaluate(call); };
@@ -54,8 +49,8 @@ Status get(const Options& options) {
   return done;
 }
 
-Status history(const Options& options) {
-  const auto client = connect(options);
+Status history(const Options& options, fabric::ClientConfig config) {
+  const auto client = fabric::Client::create(std::move(config));
   if (!client) return client.error();
   std::vector<Version> versions;
   QueryCall asked;
@@ -73,42 +68,41 @@ Status history(const Options& options) {
   versions.resize(std::min(versions.size(), static_cast<std::size_t>(options.limit)));
   if (versions.empty()) return Error{options.id + ": the ledger has nothing under it"};
   print(options, ledger::history_json(versions));
+  fmt::print(stderr, "{}", ledger::history_note(options.id));  // beside the JSON
   return done;
 }
 
-/// Of a block; none: the transaction is not in it, or `damage` says why it cannot be read.
-std::optional<json> found_in(const std::string& block, const std::string& tx_id, std::string& damage) {
-  const auto decoded = fabric::decode_block(block);
-  if (!decoded) {
-    damage = decoded.error().message;
-    return std::nullopt;
+/// A peer knows whole ids alone: of the beginning of one all its blocks are read.
+Status search_at_peer(const Options& options, fabric::ClientConfig config, ledger::TransactionSearch& search) {
+  constexpr std::chrono::seconds timeout(20);  // without a block, as `ledgerline audit` has it
+  if (!search.is_whole_id()) {
+    const auto reading =
+        audit::read_peer(std::move(config), timeout, [&](std::string_view block) { search.add(std::string(block)); });
+    if (!reading) return reading.error();
+    return reading->problem.empty() ? Status(done) : Error{reading->problem};
   }
-  const auto found = std::ranges::find(decoded->transactions, tx_id, &fabric::Transaction::tx_id);
-  if (found == decoded->transactions.end()) return std::nullopt;
-  return ledger::transaction_json(decoded->number, *found);
+  const std::string channel = config.where.channel;
+  const auto peer = fabric::PeerQueries::create(std::move(config));
+  if (!peer) return peer.error();
+  const auto block = (*peer)->query({channel, "qscc"}, {"GetBlockByTxID", {channel, options.transaction}});
+  if (!block) return Error{fmt::format("transaction {}: {}", options.transaction, block.error().message)};
+  search.add(*block);
+  return done;
 }
 
-Status transaction(const Options& options) {
-  std::optional<json> found;
-  std::string damage;
-  if (options.blocks.empty()) {
-    auto config = fabric::load_ledger_config(options.config);
-    if (!config) return config.error();
-    const std::string channel = config->where.channel;
-    const auto peer = fabric::PeerQueries::create(std::move(*config));
-    if (!peer) return peer.error();
-    const auto block = (*peer)->query({channel, "qscc"}, {"GetBlockByTxID", {channel, options.transaction}});
-    if (!block) return Error{fmt::format("transaction {}: {}", options.transaction, block.error().message)};
-    found = found_in(*block, options.transaction, damage);
+/// `config`: of the peer; none: in a copy.
+Status transaction(const Options& options, std::optional<fabric::ClientConfig> config) {
+  ledger::TransactionSearch search(options.transaction);
+  if (config) {
+    if (Status s = search_at_peer(options, std::move(*config), search); !s) return s;
   } else {
-    const auto reading = audit::read_copy(options.blocks, [&](std::string_view block) {
-      if (!found) found = found_in(std::string(block), options.transaction, damage);
-    });
+    const auto reading =
+        audit::read_copy(options.blocks, [&](std::string_view block) { search.add(std::string(block)); });
     if (!reading) return reading.error();
-    if (!reading->problem.empty() && !found) return Error{reading->problem};
+    if (!reading->problem.empty()) search.add_damage(reading->problem);
   }
-  if (!found && !damage.empty()) return Error{damage};
-  if (!found) return Error{fmt::format("transaction {} is not there", options.transaction)};
+  const auto found = search.result();
+  if (!found) return found.error();
   print(options, *found);
   return done;
 }
@@ -136,9 +130,9 @@ int ledgerline::command::ledger(int argc, char** argv) {
       .required();
   history_verb.option("--limit", options.limit, "how many at most").within(1, 10'000).shows_default();
   Verb tx = line.verb("tx", "one transaction: who asked for what, who endorsed it, what became of it");
-  tx.option("TX", options.transaction, "its id").required();
+  tx.option("TX", options.transaction, "its id, or the beginning").required();
   const Option blocks =
-      tx.option("--blocks", options.blocks, "in this copy of a chain, as `ledgerline audit` takes it");
+      tx.option("--blocks", options.blocks, "in this copy of a chain, as `ledgerline audit` takes it").existing_path();
   for (Verb* verb : {&get_verb, &history_verb, &tx}) {
     Option config = verb->option("--config", options.config, "TOML file with [ledger]").existing_file();
     if (verb == &tx)
@@ -148,9 +142,11 @@ int ledgerline::command::ledger(int argc, char** argv) {
     verb->flag("--json", options.json, "as JSON, in one line");
   }
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (get_verb.is_given()) return exit_code(get(options));
-  if (history_verb.is_given()) return exit_code(history(options));
-  if (options.config.empty() && options.blocks.empty())
-    return fail(Error{"name a peer (--config) or a copy (--blocks)"}, exit_usage);
-  return exit_code(transaction(options));
+  if (!options.blocks.empty()) return exit_code(transaction(options, std::nullopt));
+  if (options.config.empty()) return fail(Error{"name a peer (--config) or a copy (--blocks)"}, exit_usage);
+  auto config = fabric::load_ledger_config(options.config);
+  if (!config) return fail(config.error(), exit_usage);
+  if (get_verb.is_given()) return exit_code(get(options, std::move(*config)));
+  if (history_verb.is_given()) return exit_code(history(options, std::move(*config)));
+  return exit_code(transaction(options, std::move(*config)));
 }

@@ -116,11 +116,9 @@ Status check_by_config(const std::string& config_block, const std::string& bytes
   return done;
 }
 
-Status make(const Options& options) {
-  auto ledger = fabric::load_ledger_config(options.config);
-  if (!ledger) return ledger.error();
-  const std::string config_block = ledger->config_block;
-  const auto asked = fabric::collect_receipt(std::move(ledger).value(), options.transaction);
+Status make(const Options& options, fabric::ClientConfig ledger) {
+  const std::string config_block = ledger.config_block;
+  const auto asked = fabric::collect_receipt(std::move(ledger), options.transaction);
   if (!asked) return asked.error();
   for (const std::string& peer : asked->unheard) spdlog::warn("without the answer of {}", peer);
   const std::string bytes = fabric::receipt_bytes(asked->receipt);
@@ -198,5 +196,7 @@ int ledgerline::command::receipt(int argc, char** argv) {
   line.flag("--json", options.json, "what is proven as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
   if (const std::string why = nonsense(options); !why.empty()) return fail(Error{why}, exit_usage);
-  return exit_code(options.verify.empty() ? make(options) : verify(options));
+  if (!options.verify.empty()) return exit_code(verify(options));
+  auto ledger = fabric::load_ledger_config(options.config);
+  return ledger ? exit_code(make(options, std::move(*ledger))) : fail(ledger.error(), exit_usage);
 }

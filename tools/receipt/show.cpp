@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/text.hpp"
+#include "tools/ledger/decode.hpp"
 
 namespace ledgerline::receipt {
 namespace {
@@ -105,6 +106,12 @@ nlohmann::json json_of(const Names& names) {
   return all;
 }
 
+std::size_t bytes_of(const std::vector<std::string>& arguments) {
+  std::size_t bytes = 0;
+  for (const std::string& argument : arguments) bytes += argument.size();
+  return bytes;
+}
+
 nlohmann::json all_of(const fabric::ReceiptProof& proven, std::int64_t now_s) {
   nlohmann::json certificates = nlohmann::json::array(), lists = nlohmann::json::array();
   for (const Certificate& one : proven.certificates) {
@@ -135,8 +142,9 @@ nlohmann::json all_of(const fabric::ReceiptProof& proven, std::int64_t now_s) {
                      {"time", time_of(proven.timestamp_ns / ns_per_s)},
                      {"contract", printable(proven.contract)},
                      {"function", printable(proven.function)},
-                     {"arguments", proven.arguments},
-                     {"argument_bytes", proven.argument_bytes},
+                     {"arguments", proven.arguments.size()},
+                     {"argument_bytes", bytes_of(proven.arguments)},
+                     {"call", ledger::arguments_json(proven.function, proven.arguments)},
                      {"endorsers", json_of(proven.endorsers)},
                      {"code", proven.code},
                      {"verdict", proven.verdict},
@@ -159,8 +167,12 @@ std::string words(const fabric::ReceiptProof& proven, std::int64_t now_s) {
   lines.push_back(fmt::format("creator, by its own word: {}, at {}", name_of(proven.creator),
                               time_of(proven.timestamp_ns / ns_per_s)));
   lines.push_back(fmt::format("call, by the creator's word: {} of {}, arguments: {}, bytes of them: {}",
-                              printable(proven.function), printable(proven.contract), proven.arguments,
-                              proven.argument_bytes));
+                              printable(proven.function), printable(proven.contract), proven.arguments.size(),
+                              bytes_of(proven.arguments)));
+  if (!proven.arguments.empty()) {
+    lines.push_back(ledger::lines({{"asked for", ledger::arguments_json(proven.function, proven.arguments)}}));
+    lines.back().pop_back();  // its last line's end
+  }
   lines.push_back(fmt::format("endorsed by: {}", proven.endorsers.empty() ? "nobody" : list_of(proven.endorsers)));
   lines.push_back(fmt::format("verdict: {}, by the word of peers of {} of {} organisations: {}", proven.verdict,
                               proven.peers.size(), proven.organisations, list_of(proven.peers)));

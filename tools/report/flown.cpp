@@ -13,7 +13,7 @@ constexpr TimeNs speed_over_ns = 300 * ns_per_ms;  // shorter, and a pose's nois
 template <typename Enum>
 std::string name_in(double number) {
   const bool known = number >= 0 && number < static_cast<double>(enum_count<Enum>);
-  return known ? name(static_cast<Enum>(number)) : "unknown";
+  return std::string(known ? name(static_cast<Enum>(number)) : "unknown");
 }
 
 bool is_of(const TraceRecord& r, TraceKind kind, std::uint16_t drone, TimeNs begin_ns, TimeNs end_ns) {
@@ -29,8 +29,8 @@ std::vector<FlownMoment> flown_moments(const std::vector<TraceRecord>& link, std
   for (const TraceRecord& r : link) {
     if (!is_of(r, TraceKind::state_sampled, drone, begin_ns, end_ns)) continue;
     const std::array position{r.v[0], r.v[1], r.v[2]};
-    if (!std::ranges::all_of(position, [](double m) { return std::isfinite(m); })) continue;
-    FlownMoment one{.t_s = to_seconds(r.t_ns - begin_ns), .position_m = position};
+    if (!std::isfinite(position[2])) continue;
+    FlownMoment one{.t_s = to_seconds(r.t_ns - begin_ns), .position_m = position, .battery = r.extra / 1000.0};
     if (!all.empty() && one.t_s < all.back().t_s) continue;  // a link that was started again has another trace
     while (before + 1 < all.size() && all[before + 1].t_s <= one.t_s - to_seconds(speed_over_ns)) ++before;
     if (!all.empty() && one.t_s - all[before].t_s >= to_seconds(speed_over_ns)) {

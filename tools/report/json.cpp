@@ -8,13 +8,6 @@ namespace {
 
 using nlohmann::json;
 
-template <std::size_t N>
-json named(const std::array<std::uint64_t, N>& values, const std::array<const char*, N>& names) {
-  json object = json::object();
-  for (std::size_t i = 0; i < N; ++i) object[names[i]] = values[i];
-  return object;
-}
-
 json or_null(const std::optional<double>& value) { return value ? json(rounded(*value)) : json(); }
 
 json to_json(const std::optional<ReportedMetrics>& reported) {
@@ -39,8 +32,6 @@ json to_json(const DroneResult& drone) {
                      {"rms_m", rounded(turn.rms_m)},
                      {"max_m", rounded(turn.max_m)}});
   }
-  json commands = named<6>(drone.commands, {"sent", "on_ledger", "refused", "applied", "late", "dropped"});
-  commands["reasons"] = drone.reasons;
   return {{"id", drone.id},
           {"two_way_ms", drone.two_way_ms},
           {"age_ms", drone.age_ms},
@@ -50,9 +41,24 @@ json to_json(const DroneResult& drone) {
           {"limit_mps", or_null(drone.limit_mps)},
           {"slowed_to_mps", or_null(drone.slowed_to_mps)},
           {"reported_position", to_json(metrics_of(drone.reported))},
-          {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
-          {"transitions", named<3>(drone.transitions, {"made", "on_ledger", "lost"})},
-          {"commands", commands}};
+          {"states",
+           {{"sampled", drone.states.sampled},
+            {"sent", drone.states.sent},
+            {"on_ledger", drone.states.on_ledger},
+            {"merged", drone.states.merged},
+            {"dropped", drone.states.dropped}}},
+          {"transitions",
+           {{"made", drone.transitions.made},
+            {"on_ledger", drone.transitions.on_ledger},
+            {"lost", drone.transitions.lost}}},
+          {"commands",
+           {{"sent", drone.commands.sent},
+            {"on_ledger", drone.commands.on_ledger},
+            {"refused", drone.commands.refused},
+            {"applied", drone.commands.applied},
+            {"late", drone.commands.late},
+            {"dropped", drone.commands.dropped},
+            {"reasons", drone.reasons}}}};
 }
 
 }  // namespace
@@ -81,6 +87,11 @@ json to_json(const Results& r) {
              {"proxy", r.asked.proxy},
              {"seed", r.asked.seed}};
   if (r.asked.own) asked["own_drones"] = true;
+  if (r.asked.proxy || r.asked.shim) {
+    asked["faults"] = {{"file", r.asked.faults}, {"switched", json::array()}};
+    for (const SwitchedFault& one : r.faults)
+      asked["faults"]["switched"].push_back({{"t_s", rounded(one.t_s)}, {"command", one.command}});
+  }
   json cpu = json::object();
   for (const auto& [name, percent] : r.cpu_percent) cpu[name] = rounded(percent, 10);
   json memory = json::object();

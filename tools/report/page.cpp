@@ -47,7 +47,9 @@ json page_data(const Results& results) {
       return json{rounded(one.t_s), rounded(one.three_sigma_m), one.error_m ? json(rounded(*one.error_m)) : json()};
     });
     out["moments"] = thinned(drone.moments, each, [](const FlownMoment& one) {
-      return json{rounded(one.t_s), rounded(one.position_m[2]), rounded(one.speed_mps)};
+      const bool placed = std::isfinite(one.position_m[0]);
+      return json{rounded(one.t_s), rounded(one.position_m[2]), placed ? json(rounded(one.speed_mps)) : json(),
+                  one.battery > 0 ? json(rounded(100 * one.battery, 10)) : json()};
     });
     out["modes"] = thinned(drone.modes, max_modes, [](const ModeChange& one) {
       return json{rounded(one.t_s), one.phase, one.mode, one.cause};
@@ -59,6 +61,7 @@ json page_data(const Results& results) {
   for (const PublishedBox& box : published_boxes) data["published"].push_back(to_json(box));
   data["published_beside"] = to_json(published_for(ground::name_of(results.asked.shape), results.asked.drones));
   data["differences"] = differences(results);
+  data["fault_lines"] = fault_lines(results);
   data["no_truth"] = results.asked.own ? no_truth : "";
   data["date"] = page::local_date();
   if (!data.contains("why")) data["why"] = "";

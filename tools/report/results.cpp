@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "common/base/text.hpp"
 #include "common/rt/histogram.hpp"
 
 namespace ledgerline::report {
@@ -89,7 +90,8 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
   const json& between = at(ground, "path_ns");
   if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
   const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
-  drone.flown = flown_path(truth, number, begin_ns, end_ns);
+  // By hand it may have taken off more than once: path_ns is of the last time.
+  drone.flown = asked.manual ? flown_path(truth, number, 0, INT64_MAX) : flown_path(truth, number, begin_ns, end_ns);
   if (asked.manual) return;
   const ground::Path path = launcher::path_of(asked, number, {number_of(origin[0]), number_of(origin[1])});
   for (const auto& corner : path.corners()) drone.wanted.push_back({corner.x(), corner.y()});
@@ -170,6 +172,21 @@ Left read_left(const launcher::RunFiles& files, const launcher::Options& asked, 
   return left;
 }
 
+std::vector<SwitchedFault> read_faults(const launcher::RunFiles& files, TimeNs begin_ns, Results& results) {
+  std::vector<SwitchedFault> faults;
+  for (const auto& [asked, program] :
+       {std::pair(results.asked.proxy, launcher::proxy_name), std::pair(results.asked.shim, std::string("sim"))}) {
+    const json summary = asked ? read_summary(files, program, results) : json::object();
+    for (const json& one : at(summary, "switched")) {
+      const json& command = at(one, "command");
+      if (command.is_string())
+        faults.push_back({to_seconds(time_of(at(one, "t_ns")) - begin_ns), printable(command.get<std::string>())});
+    }
+  }
+  std::ranges::stable_sort(faults, {}, &SwitchedFault::t_s);
+  return faults;
+}
+
 void read_ledger(const json& node, const launcher::RunRecord& record, Results& results) {
   results.blocks = count_of(node, "blocks");
   results.transactions = count_of(node, "transactions");
@@ -200,22 +217,26 @@ DroneResult read_drone(const Left& left, const launcher::Options& asked, std::ui
   const json& g = drone_in(left.ground, drone.id);
   const json& states = at(a, "states");
   const json& commands = at(a, "commands");
-  drone.states = {count_of(states, "sampled") + count_of(l, "states_lost"), count_of(states, "sent"),
-                  count_of(states, "on_ledger"), count_of(states, "merged"),
-                  count_of(states, "dropped") + count_of(l, "states_lost")};
+  drone.states = {.sampled = count_of(states, "sampled") + count_of(l, "states_lost"),
+                  .sent = count_of(states, "sent"),
+                  .on_ledger = count_of(states, "on_ledger"),
+                  .merged = count_of(states, "merged"),
+                  .dropped = count_of(states, "dropped") + count_of(l, "states_lost")};
   const json& transitions = at(l, "transitions");
-  drone.transitions = {count_of(transitions, "made"), count_of(at(a, "transitions"), "on_ledger"),
-                       count_of(transitions, "lost")};
-  drone.commands = {count_of(g, "commands_sent"),
-                    count_of(commands, "on_ledger"),
-                    count_of(commands, "refused") + count_of(g, "commands_refused"),
-                    count_of(l, "commands_applied"),
-                    count_of(l, "commands_late"),
-                    count_of(l, "commands_dropped")};
+  drone.transitions = {.made = count_of(transitions, "made"),
+                       .on_ledger = count_of(at(a, "transitions"), "on_ledger"),
+                       .lost = count_of(transitions, "lost")};
+  drone.commands = {.sent = count_of(g, "commands_sent"),
+                    .on_ledger = count_of(commands, "on_ledger"),
+                    .refused = count_of(commands, "refused") + count_of(g, "commands_refused"),
+                    .applied = count_of(l, "commands_applied"),
+                    .late = count_of(l, "commands_late"),
+                    .dropped = count_of(l, "commands_dropped")};
   for (const json& reasons : {at(commands, "refused_reasons"), at(l, "drop_reasons")}) {
     for (const auto& [reason, count] : reasons.items()) drone.reasons[reason] += count_of(count);
   }
   for (const json& lap : at(g, "lap_s")) drone.lap_s.push_back(number_of(lap));
+  if (at(g, "why").is_string()) drone.why = printable(at(g, "why").get<std::string>());
   if (at(g, "limit_mps").is_number()) drone.limit_mps = number_of(at(g, "limit_mps"));
   if (at(g, "slowed_to_mps").is_number()) drone.slowed_to_mps = number_of(at(g, "slowed_to_mps"));
   read_path(g, left.truth, number, asked, drone);
@@ -223,7 +244,8 @@ DroneResult read_drone(const Left& left, const launcher::Options& asked, std::ui
   drone.moments = flown_moments(left.link_trace, number, begin_ns, end_ns);
   drone.modes = mode_changes(left.link_trace, number, begin_ns, end_ns);
   if (asked.own) {
-    for (const FlownMoment& one : drone.moments) drone.flown.push_back({one.position_m[0], one.position_m[1]});
+    for (const FlownMoment& one : drone.moments)
+      if (std::isfinite(one.position_m[0])) drone.flown.push_back({one.position_m[0], one.position_m[1]});
   }
   return drone;
 }
@@ -244,6 +266,7 @@ Results read_results(const launcher::RunFiles& files, const launcher::Options& a
   results.flight_s = to_seconds(record.end_ns - record.begin_ns);
   const Left left = read_left(files, asked, results);
   read_ledger(left.node, record, results);
+  results.faults = read_faults(files, record.begin_ns, results);
 
   std::vector<Sample> all_two_way, all_age;
   std::uint64_t messages = 0;
@@ -251,7 +274,7 @@ Results read_results(const launcher::RunFiles& files, const launcher::Options& a
     DroneResult drone = read_drone(left, asked, static_cast<std::uint16_t>(k), record.begin_ns, record.end_ns);
     all_two_way.insert(all_two_way.end(), drone.two_way.begin(), drone.two_way.end());
     all_age.insert(all_age.end(), drone.age.begin(), drone.age.end());
-    messages += drone.states[2] + drone.commands[1];
+    messages += drone.states.on_ledger + drone.commands.on_ledger;
     results.drones.push_back(std::move(drone));
   }
   results.two_way_ms = quantiles_of(all_two_way);
@@ -263,6 +286,17 @@ Results read_results(const launcher::RunFiles& files, const launcher::Options& a
     results.transactions_per_s = static_cast<double>(transactions) / results.flight_s;
   }
   return results;
+}
+
+std::vector<std::string> fault_lines(const Results& r) {
+  constexpr std::size_t max_shown = 50;
+  std::vector<std::string> lines;
+  if (!r.asked.faults.empty()) lines.push_back("of " + r.asked.faults);
+  for (const SwitchedFault& one : r.faults) {
+    if (lines.size() == max_shown) return lines.push_back("and more: --json has them all"), lines;
+    lines.push_back(fmt::format("{:.1f} s: {}", one.t_s, one.command));
+  }
+  return lines;
 }
 
 std::vector<std::string> differences(const Results& r) {

@@ -38,8 +38,9 @@ struct ReportedMetrics {
 /// Where a drone was, as link reported it; simulated or real.
 struct FlownMoment {
   double t_s = 0;                      ///< since the flight began
-  std::array<double, 3> position_m{};  ///< map
-  double speed_mps = 0;                ///< over the last 0.3 s; 0: not known yet
+  std::array<double, 3> position_m{};  ///< map; without a pose x and y are NaN, and z is the drone's own height
+  double speed_mps = 0;                ///< over the last 0.3 s; 0: not known yet; NaN without a pose
+  double battery = 0;                  ///< 0..1; 0: not known yet
 };
 /// Names as common/msg/names.hpp has them.
 struct ModeChange {
@@ -59,18 +60,35 @@ struct DroneResult {
   };
   std::vector<Turn> turns;                         ///< laps, by the truth
   std::optional<double> limit_mps, slowed_to_mps;  ///< the latency-aware limit at the end; the least that slowed it
-  std::array<std::uint64_t, 5> states{};           ///< sampled, sent, on_ledger, merged, dropped
-  std::array<std::uint64_t, 3> transitions{};      ///< of the failsafe: made, on_ledger, lost
-  std::array<std::uint64_t, 6> commands{};         ///< sent, on_ledger, refused, applied, late, dropped
-  std::map<std::string, std::uint64_t> reasons;    ///< of those refused by agent or dropped by link
+  struct States {
+    std::uint64_t sampled = 0, sent = 0, on_ledger = 0, merged = 0, dropped = 0;
+  };
+  struct Transitions {
+    std::uint64_t made = 0, on_ledger = 0, lost = 0;
+  };
+  struct Commands {
+    std::uint64_t sent = 0, on_ledger = 0, refused = 0, applied = 0, late = 0, dropped = 0;
+  };
+  States states;
+  Transitions transitions;  ///< of the failsafe
+  Commands commands;
+  std::map<std::string, std::uint64_t> reasons;  ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;
   std::vector<FlownMoment> moments;
   std::vector<ModeChange> modes;
+  std::string why;                         ///< what went wrong, or who stopped it
   std::vector<ReportedPosition> reported;  ///< empty: no variance was reported, as with motion capture
+};
+
+/// A command to the proxy or the shim: by the script of --faults, at ground's page, or by `ledgerline hil faults`.
+struct SwitchedFault {
+  double t_s = 0;  ///< since the flight began; of before it: below 0
+  std::string command;
 };
 
 struct Results {
   launcher::Options asked;
+  std::vector<SwitchedFault> faults;
   launcher::Machine machine;
   std::string storage;
   std::uint64_t blocks = 0, transactions = 0;
@@ -133,6 +151,9 @@ std::string to_table(const Results& results);
 Result<std::string> to_page(const Results& results, const std::string& chart_js);
 /// Where Debian's libjs-chart.js puts it.
 inline constexpr const char* chart_js_file = "/usr/share/javascript/chart.js/chart.min.js";
+
+/// The faults, one a line, and where they came from; empty: there were none.
+std::vector<std::string> fault_lines(const Results& results);
 
 /// What differs from the published setting, one difference a line.
 std::vector<std::string> differences(const Results& results);

@@ -1,4 +1,7 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <utility>
 
 #include "tools/report/results.hpp"
 
@@ -9,6 +12,26 @@ std::string ms_row(const std::string& name, const Quantiles& q) {
   if (q.count == 0) return fmt::format("  {:<28}{:>9}\n", name, "no sample");
   return fmt::format("  {:<28}{:>9.1f}{:>9.1f}{:>9.1f}{:>9.1f}{:>9.1f}{:>9.1f}{:>9.1f}{:>9}\n", name, q.p5, q.q1,
                      q.median, q.q3, q.p95, q.p99, q.max, q.count);
+}
+
+/// What its failsafe did, when and why; who stopped it, or what else went wrong.
+std::string event_lines(const DroneResult& drone) {
+  constexpr std::size_t max_shown = 20;
+  std::vector<std::string> lines;
+  std::string before;
+  for (const ModeChange& one : drone.modes) {
+    const std::string was = std::exchange(before, one.mode + one.cause);
+    if (one.mode == "none" || was == before) continue;  // its phase alone changed
+    if (lines.size() == max_shown) {
+      lines.push_back("and more: report.html has them all");
+      break;
+    }
+    lines.push_back(fmt::format("{:.1f} s: {} ({})", one.t_s, one.mode, one.cause));
+  }
+  if (!drone.why.empty()) lines.push_back(drone.why);
+  std::string text;
+  for (const std::string& line : lines) text += fmt::format("  {:<10}{}\n", drone.id, line);
+  return text;
 }
 
 }  // namespace
@@ -31,6 +54,9 @@ std::string to_table(const Results& r) {
   text += "\n  What differs:\n";
   for (const auto& difference : differences(r)) text += "    " + difference + "\n";
 
+  if (const auto faults = fault_lines(r); !faults.empty())
+    text += fmt::format("\n  Faults:\n    {}\n", fmt::join(faults, "\n    "));
+
   text += fmt::format("\n  {:<10}{:>10}{:>10}{:>12}  {:<40} {}\n", "path", "rms, m", "max, m", "laps, s", "states",
                       "commands");
   for (const DroneResult& d : r.drones) {
@@ -39,13 +65,13 @@ std::string to_table(const Results& r) {
     const std::string laps =
         d.lap_s.empty() ? "-"
                         : fmt::format("{} x {:.1f}", d.lap_s.size(), laps_s / static_cast<double>(d.lap_s.size()));
-    text +=
-        fmt::format("  {:<10}{:>10}{:>10}{:>12}  {:<40} {}\n", d.id,
-                    d.path_flown ? fmt::format("{:.3f}", d.cross_track_rms_m) : "-",
-                    d.path_flown ? fmt::format("{:.3f}", d.cross_track_max_m) : "-", laps,
-                    fmt::format("{} on the ledger, {} merged, {} dropped", d.states[2], d.states[3], d.states[4]),
-                    fmt::format("{} of {} on the ledger, {} applied, {} refused, {} late, {} dropped", d.commands[1],
-                                d.commands[0], d.commands[3], d.commands[2], d.commands[4], d.commands[5]));
+    text += fmt::format(
+        "  {:<10}{:>10}{:>10}{:>12}  {:<40} {}\n", d.id,
+        d.path_flown ? fmt::format("{:.3f}", d.cross_track_rms_m) : "-",
+        d.path_flown ? fmt::format("{:.3f}", d.cross_track_max_m) : "-", laps,
+        fmt::format("{} on the ledger, {} merged, {} dropped", d.states.on_ledger, d.states.merged, d.states.dropped),
+        fmt::format("{} of {} on the ledger, {} applied, {} refused, {} late, {} dropped", d.commands.on_ledger,
+                    d.commands.sent, d.commands.applied, d.commands.refused, d.commands.late, d.commands.dropped));
     if (r.asked.own) text += fmt::format("  {:<10}{}\n", "", no_truth);
     if (d.slowed_to_mps) {
       text +=
@@ -53,6 +79,9 @@ std::string to_table(const Results& r) {
     }
     for (const auto& [reason, count] : d.reasons) text += fmt::format("  {:<10}{} x {}\n", "", count, reason);
   }
+  std::string events;
+  for (const DroneResult& d : r.drones) events += event_lines(d);
+  if (!events.empty()) text += "\n  Failsafe and stops:\n" + events;
   text += fmt::format("\n  {:.1f} messages/s, {:.1f} transactions/s over {:.1f} s; ledger: ", r.messages_per_s,
                       r.transactions_per_s, r.flight_s);
   if (launcher::is_of_others(r.asked)) {

@@ -24,7 +24,7 @@ Examples:
 
 Asks by the configs of the programs that run, and by those in --config-dir: run it as a user who may read their keys, and as root
 to see everybody's programs. What is wrong, and its cure, is for `ledgerline doctor` to say.
-Exit codes: 0 every peer answered; 1 one did not; 2 wrong usage.)";
+Exit codes: 0 each config's program runs and every peer answered; 1 one does not; 2 wrong usage.)";
 
 }  // namespace
 
@@ -41,7 +41,7 @@ int ledgerline::command::status(int argc, char** argv) {
   spdlog::set_level(spdlog::level::off);  // what the parts log while they are asked is in the answers
   const auto timeout = std::chrono::milliseconds(static_cast<int>(1e3 * timeout_s));
 
-  status::Status status{.programs = status::running_programs(), .ledgers = {}};
+  status::Status status{.programs = status::running_programs(), .not_running = {}, .ledgers = {}};
   std::vector<checks::ProgramConfig> configs;
   for (const status::Program& program : status.programs) {
     if (program.config.empty()) continue;
@@ -50,7 +50,9 @@ int ledgerline::command::status(int argc, char** argv) {
     else
       status.ledgers.push_back({.config = program.config, .channel = {}, .why = read.error().message});
   }
-  for (checks::ProgramConfig& config : checks::read_configs(dir, "").programs) configs.push_back(std::move(config));
+  checks::Configs further = checks::read_configs(dir, "");
+  status.not_running = status::not_running(further, status.programs);
+  for (checks::ProgramConfig& config : further.programs) configs.push_back(std::move(config));
   std::set<std::string> asked;
   for (const checks::ProgramConfig& config : configs) {
     if (!asked.insert(config.path).second) continue;
@@ -63,5 +65,5 @@ int ledgerline::command::status(int argc, char** argv) {
     print_line(status::to_json(status));
   else
     std::fputs(status::words(status).c_str(), stdout);
-  return status::all_answered(status) ? 0 : exit_failed;
+  return status::all_well(status) ? 0 : exit_failed;
 }

@@ -29,7 +29,7 @@ struct Options {
   std::string address = usual_address, interface, subnet, ssid, password_file;
   std::vector<std::string> addresses;
   std::string mocap = "none", config, out = "calibration.toml";
-  std::string deployment, cyclonedds;
+  std::string deployment, cyclonedds, shape;
   int repeat = 2;
   double seconds = 20, listen_s = 3;
   bool json = false, yes = false;
@@ -105,6 +105,7 @@ int calibrate(const Options& options) {
   if (!address) return fail(address.error(), exit_usage);
   auto dds = dds::participant_options_of(options.config, "ledgerline_tello");
   if (!dds) return fail(dds.error(), exit_usage);
+  if (const Status room = check_folder_of(options.out); !room) return fail(room.error(), exit_usage);
   print_line(fmt::format(
       "{} will take off, and fly forwards and back, to its sides, up and down, and turn, for {} to {} s. It needs 4 m "
       "x "
@@ -130,6 +131,7 @@ int calibrate(const Options& options) {
 Result<launcher::Options> flight_of(const Options& options) {
   std::vector<std::string> words{"--deployment", options.deployment};
   if (!options.cyclonedds.empty()) words.insert(words.end(), {"--dds", options.cyclonedds});
+  if (!options.shape.empty()) words.insert(words.end(), {"--shape", options.shape});
   launcher::ParsedOptions asked = launcher::parse_command_line(words);
   if (!asked.fly) return Error{asked.text.substr(0, asked.text.find_last_not_of('\n') + 1)};
   if (!asked.options.own)
@@ -213,6 +215,7 @@ int ledgerline::command::tello(int argc, char** argv) {
       .existing_file();
   looking.option("--dds", options.cyclonedds, "file of Cyclone DDS's own configuration, for motion capture elsewhere")
       .existing_file();
+  looking.option("--shape", options.shape, "as fly's, in place of the file's: its path is looked at");
   looking.option("--seconds", options.listen_s, "how long it listens to state text and poses")
       .within(1.0, 60.0)
       .shows_default();

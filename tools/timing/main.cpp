@@ -185,7 +185,8 @@ Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is 
 2 bad usage, or a limit on something that does not exist; 3 nothing to read, or a file not written)";
 
 void add_options(CommandLine& line, Options& o) {
-  line.option("DIR", o.directory, "Directory of a run of ledgerline fly (its --out)");
+  line.option("DIR", o.directory,
+              "Directory of a run of ledgerline fly (its --out), or SCRIPT-SEED of fault run --real");
   line.flag("--live", o.live, "Follow a flight in progress: the last ten seconds, then all of it");
   line.option("--every", o.every_s, "Seconds between two tables of --live").within(0.2, 60.0).shows_default();
   line.flag("--self-test", o.self_test, "No flight: link's loop alone on this machine, beside cyclictest");

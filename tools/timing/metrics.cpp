@@ -150,7 +150,10 @@ Result<Limit> parse_limit(const std::string& text) {
 }
 
 Verdict check(const Limit& limit, const Metrics& metrics) {
-  Verdict verdict{limit.text, std::nullopt, false};
+  Verdict verdict{limit.text, std::nullopt, false,
+                  limit.quantity == "overruns" ? ""
+                  : limit.stage.empty()        ? "%"
+                                               : "ms"};
   if (limit.quantity == "overruns") {
     if (metrics.loop.late.count() > 0) verdict.measured = static_cast<double>(metrics.loop.overruns);
   } else if (limit.quantity == "headroom") {
@@ -169,12 +172,17 @@ Verdict check(const Limit& limit, const Metrics& metrics) {
     const auto q =
         std::find_if(quantiles.begin(), quantiles.end(), [&](const auto& one) { return one.first == limit.quantity; });
     verdict.measured = to_ms(q == quantiles.end() ? histogram->max() : histogram->quantile(q->second));
+    const auto count = static_cast<double>(histogram->count());
+    if (q != quantiles.end() && count * (1 - q->second) < 1 - 1e-9)
+      verdict.note = fmt::format("{} of {:.0f} samples is their maximum", limit.quantity, count);
   }
   verdict.kept = verdict.measured && *verdict.measured <= limit.bound;
   return verdict;
 }
 
 Recording::Recording(std::string directory) : directory_(std::move(directory)) {
+  const auto has_trace = [](const std::string& folder) { return std::filesystem::exists(folder + "/link.trace"); };
+  if (!has_trace(directory_) && has_trace(directory_ + "/run")) directory_ += "/run";
   for (const auto& [writer, name] :
        {std::pair{Writer::link, "link"}, {Writer::agent, "agent"}, {Writer::ground, "ground"}}) {
     // The last life's trace has no number.
@@ -192,7 +200,10 @@ Status Recording::read_new() {
     if (!file.reader) {
       if (file.writer != Writer::link && !std::filesystem::exists(path)) continue;
       auto reader = TraceReader::open(path);
-      if (!reader) return reader.error();
+      if (!reader)
+        return Error{fmt::format(
+            "{}: DIR is the --out of a `ledgerline fly`, or SCRIPT-SEED in the --out of a `fault run --real`",
+            reader.error().message)};
       file.reader.emplace(std::move(*reader));
     }
     const auto records = file.reader->read_new();

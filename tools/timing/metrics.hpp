@@ -107,6 +107,8 @@ struct Verdict {
   std::string limit;
   std::optional<double> measured;  ///< in the bound's unit; none: nothing was measured, which keeps no limit
   bool kept = false;
+  std::string unit{};  ///< "ms", "%"; empty: a count
+  std::string note{};  ///< where there are too few samples for the quantile; else empty
 };
 Verdict check(const Limit& limit, const Metrics& metrics);
 
@@ -126,9 +128,12 @@ std::string to_page(nlohmann::json document);
 std::size_t write_perfetto(std::ostream& out, std::span<const SampleTrace> traces,
                            std::span<const TraceRecord> loop_turns, std::size_t max_traces = 50'000);
 
-/// The folder of a run: link's, agent's and ground's traces and fly's record of CPU time, complete or still growing.
-/// A program that was started again during the flight has a trace of each life; of those that begin while the traces
-/// are being followed, nothing is read.
+/// How often which duration was, as one line of 40 bars from the least to the 99th percentile; empty of too few.
+std::string bars_text(const Histogram& histogram);
+
+/// The folder of a run (of `ledgerline fly`, or of `fault run --real`, which has fly's in `run`): link's, agent's and
+/// ground's traces and fly's record of CPU time, complete or still growing. A program that was started again during the
+/// flight has a trace of each life; of those that begin while the traces are being followed, nothing is read.
 class Recording {
  public:
   explicit Recording(std::string directory);

@@ -54,8 +54,8 @@ struct SampleTrace {
 
 /// Joins the records of a flight to traces, whatever order they come in. A sample is known by its drone and stamp,
 /// which every later record carries. Rules:
-///   - of records that are there twice the first counts; of a sample that rode in two frames (the first one was
-///     refused), or a plan in two calls, the last;
+///   - of records that are there twice the first counts; of a sample that rode in two batches (the first one
+///     was refused), or a plan in two calls, the last;
 ///   - the orderer's acknowledgement may come after the block itself, or not at all: then the block's time counts;
 ///   - a device may have the datagram before the call that sent it returns: it then counts as had when sent;
 ///   - link stamps with the beginning of its turn; a plan that came within the turn counts as received when verified;
@@ -90,7 +90,7 @@ class SampleTraces {
   bool finish(Open& open) const;
 
   std::map<std::pair<TimeNs, std::uint16_t>, Open> open_;
-  Calls frames_, calls_;  ///< agent's and ground's transactions
+  Calls frames_, calls_;  ///< the transactions of agent (batches of states) and of ground (its calls)
   Counters counters_;
 };
 

@@ -4,6 +4,7 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -92,6 +93,23 @@ void add_trace(Events& events, const SampleTrace& trace, std::size_t lane) {
 
 }  // namespace
 
+std::string bars_text(const Histogram& histogram) {
+  constexpr std::size_t columns = 40, steps = 2'000;
+  constexpr std::array bars{" ", "\u2581", "\u2582", "\u2583", "\u2584", "\u2585", "\u2586", "\u2587", "\u2588"};
+  const TimeNs least = histogram.quantile(0), width = (histogram.quantile(0.99) - least) / columns + 1;
+  if (histogram.count() < columns) return "";
+  std::array<std::size_t, columns> shares{};
+  for (std::size_t i = 0; i < steps; ++i) {
+    const TimeNs at = histogram.quantile(0.99 * static_cast<double>(i) / steps);
+    ++shares[static_cast<std::size_t>((at - least) / width)];
+  }
+  const std::size_t most = *std::ranges::max_element(shares);
+  std::string line;
+  for (const std::size_t share : shares) line += bars[(share * (bars.size() - 1) + most - 1) / most];
+  return fmt::format("  two_way, {:.1f} ms to p99 {:.1f} ms: {}\n", to_ms(least), to_ms(histogram.quantile(0.99)),
+                     line);
+}
+
 std::string to_table(const Metrics& f, std::size_t max_threads) {
   std::string text = fmt::format("\n  {:<17}{:>9}{:>10}{:>10}{:>10}{:>10}{:>9}{:>7}\n", "stage, ms", "p50", "p95",
                                  "p99", "p99.9", "max", "count", "ended");
@@ -104,6 +122,7 @@ std::string to_table(const Metrics& f, std::size_t max_threads) {
   }
   text += fmt::format("\n  {} samples in {:.1f} s; link's loop: {} turns, {} later than 1 ms\n", f.traces, f.seconds,
                       f.loop.late.count(), f.loop.overruns);
+  if (const Histogram* two_way = f.find("two_way")) text += bars_text(*two_way);
   if (f.loop.lost > 0) text += fmt::format("  {} turns are not in the trace\n", f.loop.lost);
   if (f.damaged.strays + f.damaged.backwards + f.damaged.doubled > 0) {
     text += fmt::format(
@@ -116,8 +135,10 @@ std::string to_table(const Metrics& f, std::size_t max_threads) {
 std::string to_table(const std::vector<Verdict>& verdicts) {
   std::string text;
   for (const Verdict& v : verdicts) {
-    text += fmt::format("  {} {}: {}\n", v.kept ? "kept    " : "NOT KEPT", v.limit,
-                        v.measured ? fmt::format("{:.3f}", *v.measured) : "nothing was measured");
+    text += fmt::format(
+        "  {} {}: {}{}\n", v.kept ? "kept    " : "NOT KEPT", v.limit,
+        v.measured ? fmt::format("{:.3f}{}{}", *v.measured, v.unit.empty() ? "" : " ", v.unit) : "nothing was measured",
+        v.note.empty() ? "" : fmt::format(" ({})", v.note));
   }
   return text.empty() ? text : "\n" + text;
 }
@@ -154,8 +175,11 @@ json to_json(const Metrics& f, const std::vector<Verdict>& verdicts) {
                        {"priority", t.priority}});
   }
   for (const Verdict& v : verdicts) {
-    limits.push_back(
-        {{"limit", v.limit}, {"measured", v.measured ? json(rounded(*v.measured)) : json()}, {"kept", v.kept}});
+    limits.push_back({{"limit", v.limit},
+                      {"measured", v.measured ? json(rounded(*v.measured)) : json()},
+                      {"unit", v.unit},
+                      {"kept", v.kept}});
+    if (!v.note.empty()) limits.back()["note"] = v.note;
     ok = ok && v.kept;
   }
   json budget = nullptr;

@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "common/rt/loop_ticker.hpp"
-#include "hil/shim/wires.hpp"
+#include "hil/shim/drone_links.hpp"
 #include "onboard/link/shell/transport/shim_end.hpp"
 #include "onboard/link/shell/transport/tello_sockets.hpp"
 #include "onboard/shim/mapping.hpp"
@@ -28,7 +28,7 @@ namespace {
 
 constexpr TimeNs turn_ns = ns_per_ms, setpoint_ns = 50 * ns_per_ms, state_ns = 100 * ns_per_ms;
 // Over UDP: where link hears state texts; the drones' addresses are behind it.
-constexpr sim::Endpoint listener{(127U << 24) + (77U << 16) + (1U << 8) + 1, sim::state_port};
+constexpr sim::Endpoint listener{(127U << 24) + (77U << 16) + (1U << 8) + 1, state_port};
 constexpr std::size_t remembered = 1 << 16;  // newest times by number, so that a late one is distinguished from another
 
 /// When number i was said; the other thread reads it once it has number i.
@@ -166,7 +166,7 @@ Status open_udp(link::ShellSettings& settings, Ends& ends) {
   };
   settings.state_listen = at(listener.address, listener.port);
   for (int k = 1; k <= drones; ++k)
-    settings.addresses.push_back(at(listener.address + static_cast<std::uint32_t>(k), sim::command_port));
+    settings.addresses.push_back(at(listener.address + static_cast<std::uint32_t>(k), command_port));
   settings.interfaces.resize(settings.addresses.size());
   auto sockets = link::TelloSockets::create(settings);
   if (!sockets) return sockets.error();

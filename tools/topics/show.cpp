@@ -32,6 +32,7 @@ Row row_of(const std::string& channel, const json& topic) {
   };
   for (const auto& [why, number] : topic.at("drops").items()) count(why, number.get<double>());
   for (const char* what : {"missing", "dds_lost", "dds_refused"}) count(what, topic.value(what, 0.0));
+  if (topic.contains("unheard")) row.drops += (row.drops.empty() ? "" : ", ") + std::string("a writer is not heard");
   return row;
 }
 

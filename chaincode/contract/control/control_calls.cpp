@@ -10,48 +10,49 @@ namespace ledgerline::chaincode {
 namespace {
 
 /// Sees to it that the key is there which this commander's commands write, before the first of them.
-Status make_pilot(Stub& stub, const std::string& keeper, const crypto::IdentityName& commander) {
-  const std::string key = pilot_key(keeper, commander);
+Status make_pilot(Stub& stub, const std::string& endorsing_msp, const crypto::IdentityName& commander) {
+  const std::string key = pilot_key(endorsing_msp, commander);
   const auto known = read_stored(stub, key);  // not the commands' own key: each of them would make this call invalid
   if (!known || *known) return known ? Status(done) : known.error();
   Organisation organisation;
-  organisation.set_msp_id(keeper);
-  if (Status status = make_record(stub, key, organisation, keeper); !status) return status;
-  return make_record(stub, command_key(keeper, commander), CommandCall(), keeper);
+  organisation.set_msp_id(endorsing_msp);
+  if (Status status = make_record(stub, key, organisation, endorsing_msp); !status) return status;
+  return make_record(stub, command_key(endorsing_msp, commander), CommandCall(), endorsing_msp);
 }
 
 /// Keeps the leases true to a control record that has changed. Holders who let the same one command may share a lease's
-/// record; what it says is said of each drone alone. `new_pilots`: who may command because of this change, by keeper.
+/// record; what it says is said of each drone alone. `new_pilots`: who may command because of this change, by endorsing
+/// MSP.
 Status follow(Records<Lease>& leases, const Control& before, const Control& after,
               std::set<std::pair<std::string, crypto::IdentityName>>& new_pilots) {
   const auto key = [](const Control& control) {
     return control.has_holder() ? lease_key(control.owner().msp_id(), to_name(commander_of(control)), control.epoch())
                                 : std::string();
   };
-  const std::string& keeper = after.owner().msp_id();
+  const std::string& endorsing_msp = after.owner().msp_id();
   const std::string from = key(before), to = key(after);
   if (!from.empty() && from != to) {
-    const auto lease = leases.at(from, keeper);
+    const auto lease = leases.at(from, endorsing_msp);
     if (!lease) return lease.error();
     erase(*(*lease)->mutable_drones(), before.drone());
     erase(*(*lease)->mutable_stopped(), before.drone());
   }
   if (to.empty()) return done;
-  const auto lease = leases.at(to, keeper);
+  const auto lease = leases.at(to, endorsing_msp);
   if (!lease) return lease.error();
   insert(*(*lease)->mutable_drones(), after.drone());
   (is_stopped(after) ? insert : erase)(*(*lease)->mutable_stopped(), after.drone());
-  if (!leases.was_there(to)) new_pilots.emplace(keeper, to_name(commander_of(after)));
+  if (!leases.was_there(to)) new_pilots.emplace(endorsing_msp, to_name(commander_of(after)));
   return done;
 }
 
 /// Writes what `change` made of a drone's records: those that differ, or all of them where they are of an older
 /// version.
 Status write_changes(Stub& stub, const Control& before, const Control& after, std::uint32_t version) {
-  const std::string &drone = after.drone(), &keeper = after.owner().msp_id();
+  const std::string &drone = after.drone(), &endorsing_msp = after.owner().msp_id();
   const bool old = version < contract::record_version;
   const auto write = [&](const std::string& key, const auto& was, const auto& now) -> Status {
-    if (old) return make_record(stub, key, now, keeper);
+    if (old) return make_record(stub, key, now, endorsing_msp);
     if (was.SerializeAsString() == now.SerializeAsString()) return done;
     return write_record(stub, key, now, contract::record_version);
   };
@@ -64,7 +65,7 @@ Status write_changes(Stub& stub, const Control& before, const Control& after, st
   Status status = write(control_key(drone), stored_part(before), stored_part(after));
   if (status) status = write(grant_key(drone), old_grants, grants);
   if (status) status = write(request_key(drone), old_requests, requests);
-  if (status && old) status = make_owner(stub, drone, keeper);
+  if (status && old) status = make_owner(stub, drone, endorsing_msp);
   if (!status) return status;
   for (const StopClears& cleared : after.cleared()) {
     if (clears_of(before, cleared.stopper()) == cleared.clears()) continue;
@@ -204,8 +205,8 @@ Answer change_controls(Stub& stub, const Arguments& call, const access::Call& as
     if (Status status = follow(leases, before.message, control, new_pilots); !status) return status.error();
     *all.add_controls() = std::move(control);
   }
-  for (const auto& [keeper, commander] : new_pilots) {
-    if (Status status = make_pilot(stub, keeper, commander); !status) return status.error();
+  for (const auto& [endorsing_msp, commander] : new_pilots) {
+    if (Status status = make_pilot(stub, endorsing_msp, commander); !status) return status.error();
   }
   if (Status status = leases.write(); !status) return status.error();
   return publish(stub, call, asked.function, all);

@@ -87,9 +87,9 @@ Answer enroll(Stub& stub, const Arguments& call) {
     control = std::get<Control>(std::move(after));
     if (*old && to_name(before.owner()) == to_name(enrolment.identity())) continue;
     // One of an older version stays so until a control call renews it, with what belongs to it.
-    const std::string& keeper = enrolment.identity().msp_id();
+    const std::string& endorsing_msp = enrolment.identity().msp_id();
     const Status written = *old ? write_record(stub, control_key(drone), stored_part(control), (*old)->version)
-                                : make_record(stub, control_key(drone), stored_part(control), keeper);
+                                : make_record(stub, control_key(drone), stored_part(control), endorsing_msp);
     if (!written) return written.error();
     if (*old) continue;
     if (Status status = add_name(stub, organisations, control); !status) return status.error();

@@ -3,9 +3,9 @@
 #include "common/msg/contract.hpp"
 
 /// stop, clear_stop and apply_stops. A stop must lose to nobody: it writes a key of its stopper's own without reading
-/// it, and reads what administrators alone write, and how often its stopper's own stops were cleared. So it is invalid
-/// where one of them was cleared behind its endorsement, and never again: no more of them stands. Held back until then,
-/// it would stop a drone whose stop was cleared. Commands of the lease are refused from the host's apply_stops on.
+/// it, and reads what administrators alone write, and how often its stopper's own stops were cleared. So a stop
+/// endorsed before a clear of its stopper's stops, and ordered behind it, is invalid. Commands of the lease are refused
+/// from the host's apply_stops on.
 namespace ledgerline::chaincode {
 namespace {
 

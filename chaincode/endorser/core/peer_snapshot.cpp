@@ -73,14 +73,14 @@ Result<nlohmann::json> read_description(const PeerSnapshotFiles& files, std::str
   if (!hash.empty() && hash != own)
     return wrong(file::description,
                  fmt::format("its SHA-256 is {}, not first_state_hash: it is another snapshot", own));
-  nlohmann::json said = parse(files.description);
-  if (!said.is_object()) return wrong(file::description, "it is no JSON object");
-  return said;
+  nlohmann::json reported = parse(files.description);
+  if (!reported.is_object()) return wrong(file::description, "it is no JSON object");
+  return reported;
 }
 
-Status check_hashes(const nlohmann::json& said, const PeerSnapshotFiles& files) {
-  const auto hashes = said.find("snapshot_files_raw_hashes");
-  if (hashes == said.end() || !hashes->is_object())
+Status check_hashes(const nlohmann::json& reported, const PeerSnapshotFiles& files) {
+  const auto hashes = reported.find("snapshot_files_raw_hashes");
+  if (hashes == reported.end() || !hashes->is_object())
     return wrong(file::description, "it has no snapshot_files_raw_hashes");
   for (const auto& [name, bytes] : {std::pair{file::states, &files.states},
                                     {file::states_counts, &files.states_counts},
@@ -93,16 +93,16 @@ Status check_hashes(const nlohmann::json& said, const PeerSnapshotFiles& files) 
   return done;
 }
 
-Result<node::ChainEnd> read_end(const nlohmann::json& said, const std::string& channel) {
-  const std::string its = text_in(said, "channel_name"), kept_in = text_in(said, "state_db_type");
+Result<node::ChainEnd> read_end(const nlohmann::json& reported, const std::string& channel) {
+  const std::string its = text_in(reported, "channel_name"), kept_in = text_in(reported, "state_db_type");
   if (its != channel)
     return wrong(file::description, fmt::format("it is of channel {}, not of {}", printable(its), channel));
   if (kept_in != database)
     return wrong(file::description, fmt::format("the peer's state_db_type is {}, where {} is read (LevelDB)",
                                                 printable(kept_in), database));
-  const auto number = said.find("last_block_number");
-  auto hash = crypto::unhex(text_in(said, "last_block_hash"));
-  if (number == said.end() || !number->is_number_unsigned() || !hash || hash->size() != hash_bytes ||
+  const auto number = reported.find("last_block_number");
+  auto hash = crypto::unhex(text_in(reported, "last_block_hash"));
+  if (number == reported.end() || !number->is_number_unsigned() || !hash || hash->size() != hash_bytes ||
       number->get<std::uint64_t>() == UINT64_MAX)
     return wrong(file::description, "it has no last_block_number, or no last_block_hash");
   return node::ChainEnd{number->get<std::uint64_t>() + 1, std::move(*hash)};
@@ -256,10 +256,10 @@ Result<common::Block> fetch_whole(std::uint64_t number, const fabric::BlockValid
 
 Result<PeerSnapshot> read_peer_snapshot(const PeerSnapshotFiles& files, const fabric::ChannelAndContract& where,
                                         std::string_view hash) {
-  const auto said = read_description(files, hash);
-  if (!said) return said.error();
-  if (Status same = check_hashes(*said, files); !same) return same.error();
-  auto end = read_end(*said, where.channel);
+  const auto reported = read_description(files, hash);
+  if (!reported) return reported.error();
+  if (Status same = check_hashes(*reported, files); !same) return same.error();
+  auto end = read_end(*reported, where.channel);
   if (!end) return end.error();
   PeerSnapshot out;
   out.end = std::move(*end);
@@ -271,23 +271,23 @@ Result<PeerSnapshot> read_peer_snapshot(const PeerSnapshotFiles& files, const fa
   return out;
 }
 
-Result<std::string> verify_snapshot(const PeerSnapshot& said, fabric::BlockValidator& validator,
+Result<std::string> verify_snapshot(const PeerSnapshot& reported, fabric::BlockValidator& validator,
                                     const fabric::BlockValidator::Fetch& fetch) {
-  const std::uint64_t last = said.end.height - 1;
+  const std::uint64_t last = reported.end.height - 1;
   if (last < validator.config())
     return Error{
         fmt::format("its newest block, {}, is older than config_block, which is block {}", last, validator.config())};
   const auto newest = fetch_whole(last, fetch);
   if (!newest) return newest.error();
-  if (newest->header().number() != last || node::header_hash(newest->header()) != said.end.hash)
+  if (newest->header().number() != last || node::header_hash(newest->header()) != reported.end.hash)
     return Error{fmt::format("the peer has another block {} than the snapshot's newest: it is of another chain", last)};
   if (Status known = validator.catch_up(*newest, fetch); !known) return known.error();
   if (Status valid = validator.validate(*newest); !valid) return valid.error();
   const auto config = fetch_whole(validator.config(), fetch);
   if (!config) return config.error();
   if (Status valid = validator.validate(*config); !valid) return valid.error();
-  if (said.config_block != validator.config() || said.config != config_in(*config))
-    return Error{fmt::format("its configuration, of block {}, is not the channel's, of block {}", said.config_block,
+  if (reported.config_block != validator.config() || reported.config != config_in(*config))
+    return Error{fmt::format("its configuration, of block {}, is not the channel's, of block {}", reported.config_block,
                              validator.config())};
   return config->SerializeAsString();
 }

@@ -50,7 +50,7 @@ Result<PeerSnapshot> read_peer_snapshot(const PeerSnapshotFiles& files, const fa
 /// which `validator` knows. Gives the newest of these that the snapshot can have, common.Block: nothing of a
 /// configuration is the snapshot's word. What the contract's keys hold is. An error says what is not so, or which block
 /// did not come. Pure.
-Result<std::string> verify_snapshot(const PeerSnapshot& said, fabric::BlockValidator& validator,
+Result<std::string> verify_snapshot(const PeerSnapshot& reported, fabric::BlockValidator& validator,
                                     const fabric::BlockValidator::Fetch& fetch);
 
 }  // namespace ledgerline::endorser

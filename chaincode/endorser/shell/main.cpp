@@ -77,6 +77,4 @@ Exit codes: 0 ended by a signal; 1 it differs from its peer, or its blocks canno
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  return run_with_config(argc, argv, {"ledgerline-endorser", about, notes, "CONFIG"}, run);
-}
+int main(int argc, char** argv) { return run_with_config(argc, argv, {"ledgerline-endorser", about, notes}, run); }

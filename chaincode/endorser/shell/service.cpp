@@ -57,9 +57,9 @@ Result<PeerSnapshot> read_first_state_folder(const FirstStateSettings& settings,
     if (!read) return refused(read.error().message);
     *content = std::move(*read);
   }
-  auto said = read_peer_snapshot(files, where, settings.hash);
-  if (!said) return refused(settings.folder + "/" + said.error().message);
-  return said;
+  auto reported = read_peer_snapshot(files, where, settings.hash);
+  if (!reported) return refused(settings.folder + "/" + reported.error().message);
+  return reported;
 }
 
 }  // namespace
@@ -166,11 +166,11 @@ Status Service::read_first_state(const FirstStateSettings& settings, const fabri
     spdlog::info("endorser: it goes on behind its checkpoint: first_state is not read");
     return done;
   }
-  auto said = read_first_state_folder(settings, ledger.where);
-  if (!said) return said.error();
+  auto reported = read_first_state_folder(settings, ledger.where);
+  if (!reported) return reported.error();
   auto validator = fabric::BlockValidator::from(ledger.config_block, ledger.where.channel, ledger.verifier);
   if (!validator) return validator.error();
-  first_state_.emplace(FirstState{std::move(*said), std::move(*validator)});
+  first_state_.emplace(FirstState{std::move(*reported), std::move(*validator)});
   return done;
 }
 
@@ -185,7 +185,7 @@ bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
                              bytes ? "its answer is no block" : bytes.error().message)};
   };
   lock.unlock();
-  const auto config_block = verify_snapshot(first_state_->said, first_state_->validator, fetch);
+  const auto config_block = verify_snapshot(first_state_->reported, first_state_->validator, fetch);
   lock.lock();
   if (!config_block && !reached) {
     if (std::exchange(first_state_->problem, config_block.error().message) != config_block.error().message)
@@ -208,9 +208,9 @@ bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
 
 /// As from a checkpoint, from here on.
 Status Service::apply_first_state(const std::string& config_block) {
-  PeerSnapshot& said = first_state_->said;
-  const Status restored =
-      core_.restore({std::move(said.end), config_block, std::move(said.contract), std::move(said.lifecycle)});
+  PeerSnapshot& reported = first_state_->reported;
+  const Status restored = core_.restore(
+      {std::move(reported.end), config_block, std::move(reported.contract), std::move(reported.lifecycle)});
   if (!restored) return restored;
   counts_.blocks = counts_.restored = core_.height();
   checkpoint_.last = fabric::Checkpoint{checkpoint_.channel, core_.height() - 1, core_.hash(), {}};

@@ -110,7 +110,7 @@ class Service {
   Status restore(const std::string& path, const fabric::ChannelAndContract& where);
   /// A peer's snapshot, until the peer's chain says that it is of it.
   struct FirstState {
-    PeerSnapshot said;
+    PeerSnapshot reported;
     fabric::BlockValidator validator;
     std::string problem{};  ///< why the peer was not reached, as the log has it
   };

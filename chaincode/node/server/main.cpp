@@ -5,6 +5,7 @@
 
 #include "chaincode/node/server/services.hpp"
 #include "common/base/file.hpp"
+#include "common/base/text.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/tls/tls_server.hpp"
 #include "common/program/command_line.hpp"
@@ -47,7 +48,12 @@ int main(int argc, char** argv) {
   std::vector<std::string> client_authorities;
   double batch_timeout_ms = 10;
   line.option("--dir", options.dir, "Where identities and the ledger live").required();
-  line.option("--listen", listen, "ADDRESS:PORT; port 0 takes a free one").required();
+  line.option("--listen", listen, "Where it serves; port 0 takes a free one")
+      .required()
+      .checked_by("ADDRESS:PORT", [](const std::string& text) {
+        const Status checked = check_endpoint(text, 0);
+        return checked ? std::string() : checked.error().message;
+      });
   line.option("--tls-client-ca", client_authorities,
               "PEM file of an authority whose certificates clients must show (mutual TLS); more than once; none: they "
               "need none")

@@ -57,8 +57,10 @@ class Node {
   using Task = std::function<void(NodeCore&)>;
   /// Any thread. In each turn requesters take turns. False: the queue is full, the task was not taken.
   bool post(Task task, Turn turn = Turn::first, const Requester& requester = {});
-  /// Of a proposal that nobody has checked: one that asks only is for later, whatever service brings it. What cannot be
-  /// read is for later, too: it is refused.
+  /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
+  /// each open call at most. It comes behind what the requester has posted before.
+  void post_always(Task task, const Requester& requester = {});
+  /// When an unchecked proposal is processed, and who requests it: a query, and one that cannot be read, comes later.
   struct Place {
     Turn turn = Turn::later;
     Requester requester;
@@ -68,9 +70,6 @@ class Node {
   Requester requester_of(const std::string& serialized) const;
   /// Of whom an envelope says that it is.
   Requester sender_of(const common::Envelope& envelope) const;
-  /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
-  /// each open call at most. It comes behind what the requester has posted before.
-  void post_always(Task task, const Requester& requester = {});
 
   BlockFeed& feed() { return *feed_; }
   const Identities& identities() const { return identities_; }

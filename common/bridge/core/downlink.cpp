@@ -113,7 +113,7 @@ void Downlink::identify(TimeNs real_now, const fabric::Transaction& tx, Signer& 
   const auto member = trusted_.member(tx.creator, real_now / ns_per_s);
   if (!member) return;
   signer.name = (*member)->name;
-  signer.verified = fabric::creator_signed(tx, *(*member)->verifier);
+  signer.verified = fabric::verify_signature(tx, *(*member)->verifier);
 }
 
 bool Downlink::may_write(const Signer& signer, std::string_view id) {
@@ -174,7 +174,7 @@ bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::u
     writer = slot.writers.end() - 1;
   }
   if (asset.origin.writer == 0) {
-    // Without a sequence a value that a frame carries along is known by its bytes.
+    // Without a sequence a value that a batch carries along is known by its bytes.
     const bool repeated = stream && !first && writer->newest == asset.cdr;
     if (stream) writer->newest = asset.cdr;
     if (repeated) refuse(topic, Refusal::repeated);
@@ -205,6 +205,13 @@ void Downlink::deliver(TimeNs real_now, std::size_t topic, const AssetView& asse
                  .type = asset.type,
                  .cdr = {reinterpret_cast<const std::uint8_t*>(asset.cdr.data()), asset.cdr.size()},
                  .source_ns = source_ns});
+}
+
+void Downlink::refuse(Topic& topic, Refusal why) {
+  ++topic.counters.refusals[static_cast<std::size_t>(why)];
+  if (why == Refusal::wrong_writer || why == Refusal::unverified || why == Refusal::wrong_type ||
+      why == Refusal::malformed || why == Refusal::too_many)
+    refused_ = {topic.id, why};
 }
 
 void Downlink::on_failure(std::size_t topic) {

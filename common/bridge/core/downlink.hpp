@@ -25,7 +25,7 @@ namespace ledgerline::bridge {
 /// Why a message of the ledger was not published.
 enum class Refusal : std::uint8_t {
   echo,          ///< our own
-  repeated,      ///< the newest one again, which a frame carries along
+  repeated,      ///< the newest one again, which a batch carries along
   duplicate,     ///< older than the newest of its writer
   wrong_writer,  ///< an id of an organisation, by a member of another
   unverified,    ///< the writer's certificate or signature is not good
@@ -36,12 +36,7 @@ enum class Refusal : std::uint8_t {
   unnamed,       ///< a guarded topic that only a rule with "*" matches: see is_guarded
 };
 inline constexpr std::size_t refusal_count = enum_count<Refusal>;
-constexpr std::string_view name(Refusal refusal) {
-  constexpr std::array names{"echo",       "repeated",  "duplicate", "wrong_writer", "unverified",
-                             "wrong_type", "malformed", "too_many",  "dds",          "unnamed"};
-  static_assert(names.size() == refusal_count);
-  return names.at(static_cast<std::size_t>(refusal));
-}
+constexpr std::string_view name(Refusal refusal) { return enum_name(refusal); }
 
 /// Always: taken = published + all refusals.
 struct DownlinkCounters {
@@ -94,12 +89,18 @@ class Downlink {
   void on_block(TimeNs real_now, const fabric::Block& block, std::vector<Delivery>& out);
   /// Ids or prefixes ("Org2MSP/map/*") to ask `get` for after the block stream has begun: the values of latched topics.
   std::vector<std::string> latched() const;
-  /// What `get` said.
+  /// What `get` returned.
   void on_values(TimeNs real_now, const Assets& values, std::vector<Delivery>& out);
   /// DDS did not take a delivery.
   void on_failure(std::size_t topic);
 
   const std::deque<Topic>& topics() const { return topics_; }
+  struct RefusedValue {
+    std::string id;
+    Refusal why = Refusal::malformed;
+  };
+  /// The newest since the last call that an honest bridge would not have sent; none: there was none.
+  std::optional<RefusedValue> pop_refused() { return std::exchange(refused_, std::nullopt); }
   std::uint64_t malformed_frames() const { return malformed_frames_; }
   /// Not what their flags say (fabric::Transaction::problem), of an event that is not what its writer asked for, or of
   /// an id that no honest peer endorses (is_ledger_id).
@@ -141,7 +142,7 @@ class Downlink {
   static bool may_write(const Signer& signer, std::string_view id);
   bool in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream);
   void deliver(TimeNs real_now, std::size_t topic, const AssetView& asset, std::vector<Delivery>& out);
-  void refuse(Topic& topic, Refusal why) { ++topic.counters.refusals[static_cast<std::size_t>(why)]; }
+  void refuse(Topic& topic, Refusal why);
 
   DownlinkConfig config_;
   crypto::MspRegistry& trusted_;
@@ -152,6 +153,7 @@ class Downlink {
   std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> by_ros_name_;  ///< whose type it has
   std::size_t strange_ids_ = 0;
   std::optional<std::size_t> further_;  ///< the topic of all ids beyond the bounds
+  std::optional<RefusedValue> refused_{};
   std::uint64_t malformed_frames_ = 0;
   std::uint64_t unverified_transactions_ = 0;
   std::string name_buffer_;

@@ -25,7 +25,7 @@ struct Rule {
   std::string config_block;  ///< file with a config block of `channel`: its trust anchor; empty: none is named here
   bool latest = false;       ///< only the newest message waits; a newer one takes its place
   bool latched = false;      ///< who comes late gets the last value, on the ledger and on DDS
-  bool stream = false;       ///< rides in this host's frame; else it has a key of its own
+  bool stream = false;       ///< rides in this host's batches; else it has a key of its own
   double rate_hz = 0;        ///< at most; 0: all
   int every = 1;             ///< every n-th message
   int priority = 0;          ///< higher ones go first
@@ -53,7 +53,7 @@ struct BridgeConfig {
 struct Host {
   std::vector<std::string> topics;    ///< it reads or writes these itself: they are left out
   std::vector<std::string> enrolled;  ///< names that are its identity's, besides those in [[enrolled]]
-  bool has_frame = false;             ///< its own states are its identity's one frame, so no topic may ride in it
+  bool has_frame = false;             ///< its identity's batches are its own states, so no topic may ride in them
 };
 
 /// Reads [bridge], [[enrolled]], [[topic]] and [output] status, status_period_ms, checkpoint; config.finish() then says

@@ -14,6 +14,24 @@ namespace {
 constexpr std::size_t max_spare = 4'096;
 constexpr TimeNs active_ns = 1 * ns_per_s;  // a topic that was heard within
 
+/// What the log says of the first; empty: nothing.
+std::string_view words_of(Drop why) {
+  switch (why) {
+    case Drop::too_big:
+      return "a message is above 999 kB, or its host's stream above 32 kB: it is not carried";
+    case Drop::overflow:
+      return "messages come faster than the ledger takes them: the oldest that wait are dropped";
+    case Drop::unavailable:
+      return "a message is dropped: its call did not get through, and a newer one did";
+    case Drop::rate:
+    case Drop::replaced:
+    case Drop::refused:
+    case Drop::type_changed:
+      break;
+  }
+  return "";
+}
+
 }  // namespace
 
 Uplink::Uplink(UplinkConfig config) : config_(std::move(config)), lanes_(kinds, Lane(config_)), random_(config_.seed) {}
@@ -87,15 +105,21 @@ void Uplink::add(TimeNs now, std::size_t topic, TimeNs source_ns, std::span<cons
   ++waiting_;
 }
 
-void Uplink::note_dds(std::size_t topic, std::uint64_t lost, std::uint64_t refused) {
-  topics_[topic].counters.dds_lost += lost;
-  topics_[topic].counters.dds_refused += refused;
+void Uplink::record_dds_losses(std::size_t topic, std::uint64_t lost, std::uint64_t refused) {
+  Topic& of = topics_[topic];
+  if (lost > 0 && of.counters.dds_lost == 0)
+    notices_.push_back(of.name + ": DDS lost messages of it before they were taken");
+  if (refused > 0 && of.counters.dds_refused == 0)
+    notices_.push_back(of.name + ": a message is above 1,000,000 bytes, or no plain CDR: it is not carried");
+  of.counters.dds_lost += lost;
+  of.counters.dds_refused += refused;
 }
 
 void Uplink::drop(Message message, Drop why) {
   UplinkCounters& counters = topics_[message.topic].counters;
   --counters.pending;
-  ++counters.drops[static_cast<std::size_t>(why)];
+  if (counters.drops[static_cast<std::size_t>(why)]++ == 0 && !words_of(why).empty())
+    notices_.push_back(fmt::format("{}: {}", topics_[message.topic].name, words_of(why)));
   recycle(std::move(message));
 }
 
@@ -205,7 +229,7 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
                 .call = {.function = contract::set, .args = {}, .reported_by_block = true},
                 .bulk = kind == bulk};
   submit.call.args.push_back(std::move(argument));
-  if (kind == stream) submit.call.need = verification::frame_need();
+  if (kind == stream) submit.call.need = verification::batch_need();
   lane.in_flight.add(number, now, std::move(messages));
   return submit;
 }
@@ -219,7 +243,7 @@ bool Uplink::fits_frame(const Message& message) {
   return bytes <= contract::max_frame_bytes;
 }
 
-// The frame is one key: what a call leaves out would be gone from `get`.
+// A host's batches have one key: what a call leaves out would soon be gone from `get`.
 void Uplink::repeat_others(std::string& call, std::uint64_t number) {
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     const Slot& slot = slots_[i];
@@ -313,7 +337,7 @@ void Uplink::send_again(Lane& lane) {
   lane.failed.clear();
 }
 
-std::size_t Uplink::in_flight() const {
+std::size_t Uplink::calls_in_flight() const {
   std::size_t count = 0;
   for (const Lane& lane : lanes_) count += lane.in_flight.size();
   return count;
@@ -336,6 +360,7 @@ nlohmann::json report(const Uplink& uplink) {
                       {"dds_refused", c.dds_refused},
                       {"age_ms", c.age.quantiles_ms()},
                       {"drops", reasons<Drop>(c.drops)}});
+    if (!topic.unheard.empty()) topics.back()["unheard"] = topic.unheard;
   }
   return topics;
 }

@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/enum_count.hpp"
@@ -25,17 +26,13 @@ enum class Drop : std::uint8_t {
   rate,          ///< the topic's rate limit, or not the n-th
   replaced,      ///< only the newest may wait, and a newer one came
   overflow,      ///< too many wait: the oldest
-  too_big,       ///< above what a call or a frame may have
+  too_big,       ///< above what a call, or a host's batch, may have
   refused,       ///< by the contract
   unavailable,   ///< its call did not get through, and a newer message of the topic did
   type_changed,  ///< it waited while its topic took another type
 };
 inline constexpr std::size_t drop_count = enum_count<Drop>;
-constexpr std::string_view name(Drop drop) {
-  constexpr std::array names{"rate", "replaced", "overflow", "too_big", "refused", "unavailable", "type_changed"};
-  static_assert(names.size() == drop_count);
-  return names.at(static_cast<std::size_t>(drop));
-}
+constexpr std::string_view name(Drop drop) { return enum_name(drop); }
 
 /// Always: taken = on_ledger + all drops + pending.
 struct UplinkCounters {
@@ -53,8 +50,7 @@ struct UplinkConfig {
   std::string msp_id;
   std::uint64_t writer = 0, life = 0;  ///< see Origin
   TimeNs min_gap_ns = 10 * ns_per_ms;
-  TimeNs first_back_off_ns = 20 * ns_per_ms;
-  TimeNs max_back_off_ns = 1 * ns_per_s;
+  BackOffLimits back_off{};
   TimeNs refused_pause_ns = 1 * ns_per_s;  ///< of a topic that the contract refused
   double bulk_share = 0.005;               ///< half of what may show in a p99
   bool beside = false;                     ///< big messages always yield: to the program's own traffic
@@ -85,13 +81,14 @@ class Uplink {
   static constexpr std::size_t max_queued_bytes = 8'000'000;  ///< of a topic
   static constexpr std::size_t big_bytes = 8'000;
   static constexpr std::size_t max_call_bytes = 128'000;  ///< of own: more goes with the next
-  static constexpr std::size_t max_message_bytes =
-      contract::max_call_bytes - 1'000;  ///< with its id and type a call of its own
+  /// With its id and type a call of its own.
+  static constexpr std::size_t max_message_bytes = contract::max_call_bytes - 1'000;
 
   struct Topic {
     std::string name, id, type;
     const Rule* rule = nullptr;
     UplinkCounters counters;
+    std::string unheard{};  ///< why somebody who writes it is not heard; empty: all are
   };
   struct Submit {
     std::uint64_t number = 0;  ///< give it back to finished()
@@ -107,14 +104,17 @@ class Uplink {
   /// A message of a topic, in the order of DDS. `source_ns`: real time, when it was written.
   void add(TimeNs now, std::size_t topic, TimeNs source_ns, std::span<const std::uint8_t> cdr);
   /// What DDS did not hand over since the last time.
-  void note_dds(std::size_t topic, std::uint64_t lost, std::uint64_t refused);
+  void record_dds_losses(std::size_t topic, std::uint64_t lost, std::uint64_t refused);
+  void set_unheard(std::size_t topic, std::string why) { topics_[topic].unheard = std::move(why); }
+  /// For the log: of each topic, that something was lost for a reason that its rule does not ask for, once a reason.
+  std::vector<std::string> pop_notices() { return std::exchange(notices_, {}); }
   /// The call to submit now, if any; ask again until there is none.
   std::optional<Submit> next(TimeNs now);
   void finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
   /// Something waits, so next() may have a call soon.
   bool has_waiting() const { return waiting_ > 0; }
-  std::size_t in_flight() const;
+  std::size_t calls_in_flight() const;
   const std::deque<Topic>& topics() const { return topics_; }
 
  private:
@@ -140,12 +140,12 @@ class Uplink {
     TimeNs paused_until_ns = INT64_MIN;
     TimeNs heard_ns = INT64_MIN / 2;
     std::uint64_t last_call = 0, last_batch = 0;  ///< made, committed
-    Message newest;                               ///< stream: what the frame says of it
+    Message newest;                               ///< stream: what the batch says of it
     bool has_newest = false;
   };
   using Messages = std::vector<Message>;  ///< of a call
   struct Lane {
-    Lane(const UplinkConfig& config) : pause(config.first_back_off_ns, config.max_back_off_ns) {}
+    Lane(const UplinkConfig& config) : pause(config.back_off) {}
     BackOff pause;
     fabric::InFlight<Messages> in_flight;
     Messages failed;  ///< not empty: no call until in_flight is
@@ -175,11 +175,12 @@ class Uplink {
   Random random_;
   std::uint64_t last_number_ = 0;
   std::size_t waiting_ = 0;
+  std::vector<std::string> notices_;
   TimeNs bulk_again_ns_ = INT64_MIN;  ///< where big messages must yield, none before
 };
 
 /// Each topic with what it cost and lost: topic, type, id, direction, messages, bytes, batches, pending, missing,
-/// age_ms, drops by reason (those that there are).
+/// age_ms, drops by reason (those that there are), unheard where somebody is not.
 nlohmann::json report(const Uplink& uplink);
 
 }  // namespace ledgerline::bridge

@@ -24,6 +24,7 @@ constexpr TimeNs try_again_after_ns = 1 * ns_per_s;
 constexpr TimeNs losses_period_ns = 100 * ns_per_ms;
 constexpr TimeNs warning_gap_ns = 1 * ns_per_s;
 constexpr std::size_t max_seen = 4'096;
+constexpr std::size_t max_unheard_warnings = 8;  // of a topic
 
 UplinkConfig uplink_config(const BridgeConfig& config, const crypto::IdentityName& self) {
   const TimeNs began = realtime_ns();
@@ -52,6 +53,11 @@ void DownlinkWriters::on_block(const fabric::Block& block) {
   deliveries_.clear();
   downlink_.on_block(realtime_ns(), block, deliveries_);
   publish(deliveries_);
+  const auto refused = downlink_.pop_refused();
+  if (!refused || monotonic_ns() < next_warning_ns_) return;
+  next_warning_ns_ = monotonic_ns() + warning_gap_ns;
+  spdlog::warn("{}: a value of the ledger is not carried: {} (`ledgerline topics` counts them)", refused->id,
+               name(refused->why));
 }
 
 Status DownlinkWriters::read_latched(const verification::Evaluate& evaluate) {
@@ -141,7 +147,7 @@ void Bridge::end() {
     std::unique_lock lock(up_mutex_);
     up_wake_.wait_for(lock, busy_turn);
     auto call = uplink_.next(monotonic_ns());
-    more = call || uplink_.has_waiting() || uplink_.in_flight() > 0;
+    more = call || uplink_.has_waiting() || uplink_.calls_in_flight() > 0;
     lock.unlock();
     if (call) submit(std::move(*call));
   }
@@ -204,7 +210,9 @@ void Bridge::update_topics() {
     const Rule* rule = rule_up(rules_, one.topic);
     if (!rule) continue;
     if (!rule->type.empty() && rule->type != one.type) {
-      if (one.writers > 0)
+      if (inputs_.contains(one.topic))
+        report_unheard(one);
+      else if (one.writers > 0)
         spdlog::warn("{}: somebody writes {}, its [[topic]] says {}: not carried", one.topic, one.type, rule->type);
       continue;
     }
@@ -214,15 +222,25 @@ void Bridge::update_topics() {
     } else {
       types.erase(one.type);
     }
-    if (!is_named(*rule)) {
-      choose_type(one.topic);
-    } else if (one.writers > 0 &&
-               ((rule->reliable && !one.qos.reliable) || (rule->latched && !one.qos.transient_local))) {
-      spdlog::warn("{}: who writes it offers less than its [[topic]] asks for (reliable, latched), and is not heard",
-                   one.topic);
-    }
+    if (!is_named(*rule)) choose_type(one.topic);
+    report_unheard(one);
     if (types.empty()) present_.erase(one.topic);
   }
+}
+
+void Bridge::report_unheard(const dds::DiscoveredTopic& seen) {
+  const auto found = inputs_.find(seen.topic);
+  if (found == inputs_.end()) return;
+  Input& input = found->second;
+  const std::string why = dds::why_unheard(seen, {seen.topic, input.type, input.qos});
+  if (why.empty()) {
+    input.unheard.erase(seen.type);
+  } else {
+    input.unheard[seen.type] = why;
+    if (input.reported.size() < max_unheard_warnings && input.reported.insert(why).second) spdlog::warn("{}", why);
+  }
+  const std::lock_guard lock(up_mutex_);
+  uplink_.set_unheard(input.index, input.unheard.empty() ? "" : input.unheard.begin()->second);
 }
 
 // The type that it has stays as long as somebody writes it.
@@ -230,12 +248,13 @@ void Bridge::choose_type(const std::string& topic) {
   const auto& types = present_[topic];
   const auto input = inputs_.find(topic);
   if (input != inputs_.end()) {
-    if (types.contains(input->second.type)) {
-      if (types.size() > 1) spdlog::warn("{}: carried as {}; others write another type", topic, input->second.type);
-      return;
-    }
+    if (types.contains(input->second.type)) return;
     spdlog::info("{}: nobody writes {} any more", topic, input->second.type);
-    note_losses(input->second);
+    record_losses(input->second);
+    {
+      const std::lock_guard lock(up_mutex_);
+      uplink_.set_unheard(input->second.index, "");
+    }
     inputs_.erase(input);
   }
   if (types.empty()) return;
@@ -263,7 +282,7 @@ Status Bridge::open_reader(const std::string& topic, const std::string& type, co
                                        });
   if (!reader) return reader.error();
   spdlog::info("{}: {} goes to the ledger", topic, type);
-  inputs_[topic] = {.type = type, .index = index, .reader = std::move(reader).value()};
+  inputs_[topic] = {.type = type, .index = index, .reader = std::move(reader).value(), .qos = qos};
   return done;
 }
 
@@ -281,25 +300,32 @@ void Bridge::carry(const std::stop_token& stop) {
       call = uplink_.next(monotonic_ns());
     }
     update_topics();
-    note_losses();
+    record_losses();
   }
-  for (auto& [topic, input] : inputs_) note_losses(input);
+  next_losses_ns_ = 0;
+  record_losses();
   inputs_.clear();
 }
 
-void Bridge::note_losses() {
+void Bridge::record_losses() {
   const TimeNs now = monotonic_ns();
   if (now < next_losses_ns_) return;
   next_losses_ns_ = now + losses_period_ns;
-  for (auto& [topic, input] : inputs_) note_losses(input);
+  for (auto& [topic, input] : inputs_) record_losses(input);
+  std::vector<std::string> notices;
+  {
+    const std::lock_guard lock(up_mutex_);
+    notices = uplink_.pop_notices();
+  }
+  for (const std::string& notice : notices) spdlog::warn("{} (`ledgerline topics` counts them)", notice);
 }
 
-void Bridge::note_losses(Input& input) {
+void Bridge::record_losses(Input& input) {
   const dds::Refused refusals = input.reader->refused();
   const std::uint64_t lost = input.reader->lost(), refused = refusals.total();
   const std::lock_guard lock(up_mutex_);
-  uplink_.note_dds(input.index, lost - std::exchange(input.dds_lost, lost),
-                   refused - std::exchange(input.dds_refused, refused));
+  uplink_.record_dds_losses(input.index, lost - std::exchange(input.dds_lost, lost),
+                            refused - std::exchange(input.dds_refused, refused));
 }
 
 void Bridge::submit(Uplink::Submit call) {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -45,6 +46,7 @@ class DownlinkWriters {
   Downlink downlink_;
   std::vector<Downlink::Delivery> deliveries_;
   std::map<std::string, Output> outputs_;  ///< by topic
+  TimeNs next_warning_ns_ = 0;
 };
 
 /// The bridge's I/O around Uplink and Downlink, for one channel. DDS's threads put messages into Uplink; a thread of
@@ -73,6 +75,9 @@ class Bridge {
     std::size_t index = 0;  ///< in Uplink
     std::optional<dds::RawReader> reader;
     std::uint64_t dds_lost = 0, dds_refused = 0;  ///< as Uplink knows them
+    dds::Qos qos{};
+    std::map<std::string, std::string> unheard{};  ///< why writers of a type are not
+    std::set<std::string> reported{};              ///< of these reasons
   };
   Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& trusted,
          dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk,
@@ -81,8 +86,9 @@ class Bridge {
   void on_seen(const dds::DiscoveredTopic& seen);
   void update_topics();
   void choose_type(const std::string& topic);
-  void note_losses();
-  void note_losses(Input& input);
+  void report_unheard(const dds::DiscoveredTopic& seen);
+  void record_losses();
+  void record_losses(Input& input);
   Status open_reader(const std::string& topic, const std::string& type, const dds::Qos& qos);
   void carry(const std::stop_token& stop);
   void submit(Uplink::Submit call);

@@ -329,9 +329,9 @@ void BlockIntake::apply_verdicts(const std::vector<TransactionVerdict>& verdicts
     }
     const bool reported_again = transaction.code == protos::DUPLICATE_TXID && verdict.code != protos::DUPLICATE_TXID;
     transaction.by_flag = verdict.by_flag || reported_again;
-    transaction.creator_fits = verdict.creator_signed;
-    for (std::size_t e = 0; e < verdict.endorsement_fits.size() && e < transaction.endorsements.size(); ++e)
-      transaction.endorsements[e].fits = verdict.endorsement_fits[e];
+    transaction.signature_verified = verdict.signature_verified;
+    for (std::size_t e = 0; e < verdict.endorsements_verified.size() && e < transaction.endorsements.size(); ++e)
+      transaction.endorsements[e].signature_verified = verdict.endorsements_verified[e];
     if (transaction.code == code_unverified) continue;
     // Of what is invalid in any case the reason makes no difference.
     const bool valid = verdict.code == protos::VALID;

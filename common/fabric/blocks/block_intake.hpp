@@ -96,8 +96,8 @@ class BlockIntake {
   /// next block, which may still come. Where confirms_next(), the peer's next block is for confirm().
   Result<Block> add(const common::Block& message, const Fetch& fetch);
 
-  /// Whose endorsement the contract's keys need (protos.ApplicationPolicy), where no block has defined it: it lies
-  /// behind the first one, and somebody has said what it is.
+  /// Sets the contract's endorsement policy (protos.ApplicationPolicy), as reported, if its definition precedes our
+  /// first block.
   void define(const std::string& policy);
   /// Whether that is worth asking.
   bool misses_definition() const { return state_ && !defined_; }

@@ -41,6 +41,16 @@ BlockIntake::Fetch fetcher(const Connection& connection, StreamThread& thread) {
   return [&](std::uint64_t number) { return fetch_block(connection, thread, number); };
 }
 
+/// What a server answered in place of blocks, and what may be wrong with the config.
+Error refusal(const ClientConfig& config, const std::string& endpoint, common::Status status) {
+  std::string cure;
+  if (status == common::FORBIDDEN)
+    cure = fmt::format(": are msp_id {} and the identity's files of one organisation of channel {}?",
+                       config.identity.name.msp_id, config.where.channel);
+  if (status == common::NOT_FOUND) cure = fmt::format(": has it joined channel {}?", config.where.channel);
+  return Error{fmt::format("{} refused the stream: {}{}", endpoint, common::Status_Name(status), cure)};
+}
+
 /// Reads the own peer's blocks, one connection a call of follow(). One thread.
 class BlockReader {
  public:
@@ -63,7 +73,7 @@ class BlockReader {
     bool may_pass = false;       ///< there is none, but another question may be answered
   };
   DefinitionAnswer definition_of_peer(StreamThread& thread) const;
-  Status hand_over(const protos::DeliverResponse& response, StreamThread& thread);
+  Status hand_over(const protos::DeliverResponse& response, const std::string& endpoint, StreamThread& thread);
 
   const std::shared_ptr<const Connection> connection_;
   std::optional<LastVerified> verified_;  ///< until the chain goes on behind it
@@ -98,7 +108,8 @@ std::string BlockReader::follow(StreamThread& thread) {
   const auto stub = protos::Deliver::NewStub(channels->stream_peers[peer]);
   const auto stream = stub->Deliver(&context);
   const auto start = blocks_->locked([](const BlockIntake& intake) { return intake.next_of_peer(); });
-  if (const Status sent = seek(*connection_, *stream, channels->peer_tls_hashes[peer], start); !sent)
+  const std::string& endpoint = connection_->endpoint(peer);
+  if (const Status sent = seek(*connection_, *stream, endpoint, channels->peer_tls_hashes[peer], start); !sent)
     return sent.error().message;
   std::optional<Seeing> seeing;
   if (start && blocks_->consistent()) {
@@ -107,9 +118,9 @@ std::string BlockReader::follow(StreamThread& thread) {
   }
   bool first = true;
   protos::DeliverResponse response;
-  return read_all(thread, context, *stream, response, [&](const protos::DeliverResponse& message) -> Status {
+  return read_all(thread, context, *stream, endpoint, response, [&](const protos::DeliverResponse& message) -> Status {
     if (std::exchange(first, false)) blocks_->peer_connected();
-    if (const Status handed_over = hand_over(message, thread); !handed_over) return handed_over;
+    if (const Status handed_over = hand_over(message, endpoint, thread); !handed_over) return handed_over;
     const Status consistent = blocks_->consistent();
     if (!consistent) {
       // An orderer's block showed it: this connection is lost by it. The next is read on for stops alone, and is no
@@ -180,11 +191,12 @@ BlockReader::DefinitionAnswer BlockReader::definition_of_peer(StreamThread& thre
   grpc::ClientContext context;
   const StreamThread::Cancellable cancellable(thread, context);
   context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
-  const auto stub = protos::Endorser::NewStub(connection_->channels()->stream_peers[connection_->peer()]);
+  const std::size_t peer = connection_->peer();
+  const auto stub = protos::Endorser::NewStub(connection_->channels()->stream_peers[peer]);
   protos::ProposalResponse answer;
   const grpc::Status status = stub->ProcessProposal(&context, message, &answer);
   if (!status.ok())
-    return {.policy = Error{text_of(status)},
+    return {.policy = Error{text_of(status, connection_->endpoint(peer))},
             .may_pass = may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED};
   if (answer.response().status() != 200) return {Error{answer.response().message()}};
   lifecycle::QueryChaincodeDefinitionResult definition;
@@ -192,9 +204,10 @@ BlockReader::DefinitionAnswer BlockReader::definition_of_peer(StreamThread& thre
   return {definition.validation_parameter()};
 }
 
-Status BlockReader::hand_over(const protos::DeliverResponse& response, StreamThread& thread) {
+Status BlockReader::hand_over(const protos::DeliverResponse& response, const std::string& endpoint,
+                              StreamThread& thread) {
   if (response.Type_case() == protos::DeliverResponse::kStatus)
-    return Error{fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()))};
+    return refusal(connection_->config, endpoint, response.status());
   if (response.Type_case() != protos::DeliverResponse::kBlock) return Error{"the peer sent something else than blocks"};
   const auto orderer = blocks_->on_peer_block(response.block(), monotonic_ns(), fetcher(*connection_, thread));
   if (!orderer) return orderer.error();
@@ -211,16 +224,16 @@ std::string OrderedReader::follow(StreamThread& thread) {
   const std::size_t at = which_++ % channels->stream_orderers.size();
   const auto stub = orderer::AtomicBroadcast::NewStub(channels->stream_orderers[at]);
   const auto stream = stub->Deliver(&context);
-  if (const Status sent = seek(*connection_, *stream, channels->orderer_tls_hashes[at], start); !sent)
+  const std::string& endpoint = connection_->config.orderers[at].endpoint;
+  if (const Status sent = seek(*connection_, *stream, endpoint, channels->orderer_tls_hashes[at], start); !sent)
     return sent.error().message;
   bool ended_here = false;
   orderer::DeliverResponse response;
   const std::string why =
-      read_all(thread, context, *stream, response, [&](orderer::DeliverResponse& message) -> Status {
-        const Status handed_over =
-            message.has_block()
-                ? blocks_->on_ordered_block(std::move(*message.mutable_block()), monotonic_ns())
-                : Error{fmt::format("an orderer refused the stream: {}", common::Status_Name(message.status()))};
+      read_all(thread, context, *stream, endpoint, response, [&](orderer::DeliverResponse& message) -> Status {
+        const Status handed_over = message.has_block()
+                                       ? blocks_->on_ordered_block(std::move(*message.mutable_block()), monotonic_ns())
+                                       : refusal(connection_->config, endpoint, message.status());
         ended_here = !handed_over || thread.stopping();
         if (ended_here || !blocks_->consistent()) return handed_over;
         thread.connected();

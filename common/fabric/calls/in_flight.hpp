@@ -13,11 +13,10 @@ namespace ledgerline::fabric {
 /// The calls of one stream that have not ended, oldest first, and whether another may go, up to `max`: at once while
 /// none is in flight, else after a gap. Each transaction costs the ledger far more than the samples in it, so waiting
 /// for the commit is best as long as that is quick; where blocks are cut late it would leave the ledger idle. The gap
-/// is
-///  - four times what endorsing and ordering took recently (within 10 to 200 ms). That is the ledger's work; waiting
-///  for
-///    a block to be cut is not in it. A ledger at its limit gets fewer transactions.
-///  - at least an eighth of the oldest one's age: while a ledger is away, less and less is added.
+/// is the longer one of
+///  - four times what endorsing and ordering took recently, within 10 to 200 ms. That is the ledger's work, without
+///    the wait for a block to be cut. A ledger at its limit gets fewer transactions.
+///  - an eighth of the oldest one's age: while a ledger is away, less and less is added.
 /// `T` is what the sender needs when the call ends. One thread.
 ///
 ///     add() -> in flight -> end(): its outcome came
@@ -66,17 +65,13 @@ class InFlight {
 
   bool full() const { return entries_.size() >= max; }
   /// By the gap alone, behind the newest call of all.
-  bool may_go(TimeNs now) const { return may_go_behind(now, last_ns_); }
+  bool may_go(TimeNs now) const { return now >= next_ns(); }
   /// The earliest time at which may_go() holds, if no call ends before.
-  TimeNs next_ns() const {
-    const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
-    if (oldest == entries_.end()) return INT64_MIN;
-    return last_ns_ + std::max(gap_ns_, (last_ns_ - oldest->submitted_ns + 6) / 7);
-  }
+  TimeNs next_ns() const { return next_ns_behind(last_ns_); }
   /// The same after the newest call in flight: one that landed does not count any more, even if it is newer.
   bool may_go_behind_open(TimeNs now) const {
     const auto newest = std::find_if(entries_.rbegin(), entries_.rend(), open);
-    return newest == entries_.rend() || may_go_behind(now, newest->submitted_ns);
+    return newest == entries_.rend() || now >= next_ns_behind(newest->submitted_ns);
   }
 
   std::size_t size() const { return entries_.size(); }
@@ -86,9 +81,11 @@ class InFlight {
 
  private:
   static bool open(const Entry& entry) { return !entry.landed; }
-  bool may_go_behind(TimeNs now, TimeNs last_ns) const {
+  // An eighth of the oldest one's age when the call goes is a seventh of its age when the last one went.
+  TimeNs next_ns_behind(TimeNs last_ns) const {
     const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
-    return oldest == entries_.end() || now - last_ns >= std::max(gap_ns_, (now - oldest->submitted_ns) / 8);
+    if (oldest == entries_.end()) return INT64_MIN;
+    return last_ns + std::max(gap_ns_, (last_ns - oldest->submitted_ns + 6) / 7);
   }
 
   std::vector<Entry> entries_;

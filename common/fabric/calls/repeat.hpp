@@ -1,6 +1,5 @@
 #pragma once
 #include <cstdint>
-#include <functional>
 
 #include "common/base/random.hpp"
 #include "common/fabric/calls/outcome.hpp"
@@ -8,8 +7,6 @@
 #include "common/rt/retry.hpp"
 
 namespace ledgerline::fabric {
-class Client;
-struct Call;
 
 struct RepeatLimits {
   TimeNs first_pause_ns = 50 * ns_per_ms;  ///< a block or two of a near ledger
@@ -58,10 +55,5 @@ class Repeat {
   TimeNs until_ns_;
   int attempts_ = 0;
 };
-
-/// Submits a call, and again as the limits say; waits until it is over. `on_first_failure` (may be null) gets the
-/// reason for the second attempt. Where it is given up behind more than one attempt, the outcome's message says so.
-Outcome submit_repeatedly(Client& client, const Call& call, const RepeatLimits& limits,
-                          const std::function<void(const Outcome&)>& on_first_failure);
 
 }  // namespace ledgerline::fabric

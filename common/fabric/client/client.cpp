@@ -1,5 +1,7 @@
 #include "common/fabric/client/client.hpp"
 
+#include <fmt/format.h>
+
 #include <future>
 
 #include "common/fabric/client/connection.hpp"
@@ -104,7 +106,9 @@ class GatewayClient final : public Client {
       const grpc::Status status = rpc(*proposal, context);
       if (status.ok()) return done;
       const auto next = attempts.next(status, deadline, random);
-      if (!next) return Error{describe(status)};
+      if (!next)
+        return Error{is_away(status) ? fmt::format("ledger at {}: {}", connection_->config.endpoint, describe(status))
+                                     : describe(status)};
       std::this_thread::sleep_until(*next);
     }
   }

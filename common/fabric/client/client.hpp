@@ -137,12 +137,13 @@ class Client {
     virtual ~Stream() = default;
   };
   struct StreamHandlers {
-    std::function<void(const Block&, std::string_view raw)>
-        on_block;  ///< in order, no gap, no duplicate, across reconnects
+    /// In order, no gap, no duplicate, across reconnects.
+    std::function<void(const Block&, std::string_view raw)> on_block;
     std::function<void(bool connected, const std::string& why)> on_connection;
     /// Transactions that are not what their flags say (Transaction::problem), in words: block, transaction, why, and
-    /// how many there were. The first at once, then at most one word a minute; on_block has them all. And, once, that
-    /// the peer does not say whose endorsement the contract needs.
+    /// how many there were. Reported at once, then at most once a minute; on_block reports all. Beside that limit: how
+    /// many transactions of a block that was taken as it was ordered proved invalid, and, once, that the peer does not
+    /// say whose endorsement the contract needs.
     std::function<void(const std::string& what)> on_unverified = {};
     /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that
     /// deliver two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that

@@ -190,6 +190,10 @@ std::size_t Connection::peer() const {
   return 0;
 }
 
+const std::string& Connection::endpoint(std::size_t peer) const {
+  return peer == 0 ? config.endpoint : config.other_peers[peer - 1].endpoint;
+}
+
 std::vector<std::size_t> Connection::endorsers_now(const std::function<bool(std::size_t)>& rests) const {
   const auto now = channels();
   const auto& endorsers = now->endorsers;
@@ -213,16 +217,30 @@ bool may_pass(const grpc::Status& status) {
          status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
 }
 
+bool is_away(const grpc::Status& status) {
+  return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
+         status.error_code() == grpc::StatusCode::CANCELLED;
+}
+
 std::optional<Attempts::Time> Attempts::next(const grpc::Status& status, Time deadline, Random& random) {
   const Time at = std::chrono::system_clock::now() + std::chrono::nanoseconds(back_off_.next(random));
   return may_pass(status) && ++made_ < max_made && at < deadline ? std::optional(at) : std::nullopt;
 }
 
+namespace {
+// By gRPC's own words: an endorser that answers for its contract alone says UNAVAILABLE, too.
+bool is_unreached(const grpc::Status& status) { return status.error_message().starts_with("failed to connect"); }
+}  // namespace
+
 std::string describe(const grpc::Status& status) {
   // google.rpc.Status, whose field 3 is the list of details; no package has its C++ without more of googleapis.
   google::protobuf::Empty wrapper;
   std::string text;
-  if (!wrapper.ParseFromString(status.error_details())) return words_of_peer(status.error_message());
+  const std::string own = words_of_peer(status.error_message());
+  if (is_unreached(status))
+    return fmt::format("not reached: is it up, and are endpoint, tls_ca and server_name its own? ({})", own);
+  if (own == "Deadline Exceeded") return "no answer in time";  // gRPC's own words: the server said nothing
+  if (!wrapper.ParseFromString(status.error_details())) return own;
   const auto& fields = wrapper.GetReflection()->GetUnknownFields(wrapper);
   for (int i = 0; i < fields.field_count(); ++i) {
     google::protobuf::Any any;
@@ -236,10 +254,10 @@ std::string describe(const grpc::Status& status) {
     }
     text += (text.empty() ? "" : "; ") + detail.message();
   }
-  return words_of_peer(text.empty() ? status.error_message() : text);
+  return text.empty() ? own : words_of_peer(text);
 }
 
-Result<protos::ProposalResponse> query_peer(const std::shared_ptr<grpc::Channel>& peer,
+Result<protos::ProposalResponse> query_peer(const std::string& endpoint, const std::shared_ptr<grpc::Channel>& peer,
                                             std::string_view signed_proposal, std::chrono::milliseconds deadline) {
   protos::SignedProposal question;
   if (!parse(question, signed_proposal)) return Error{"what was to be asked is no proposal"};
@@ -247,6 +265,9 @@ Result<protos::ProposalResponse> query_peer(const std::shared_ptr<grpc::Channel>
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + deadline);
   const grpc::Status status = protos::Endorser::NewStub(peer)->ProcessProposal(&context, question, &response);
+  if (is_unreached(status)) return Error{endpoint + " is " + describe(status)};
+  if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED)
+    return Error{fmt::format("{} did not answer within {:g} s", endpoint, static_cast<double>(deadline.count()) / 1e3)};
   if (!status.ok()) return Error{describe(status)};
   return response;
 }

@@ -84,6 +84,8 @@ class Connection {
 
   /// Index of the peer to ask now: our own, or, while it is not reached, the first stand-in that is.
   std::size_t peer() const;
+  /// The endpoint of the peer with that index.
+  const std::string& endpoint(std::size_t peer) const;
   /// Indices of the endorsers to ask now, one of each organisation: the first that is reached and does not rest.
   std::vector<std::size_t> endorsers_now(const std::function<bool(std::size_t)>& rests = {}) const;
 
@@ -98,12 +100,15 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 
 /// The ledger was not reached, or is too busy; asking again may help.
 bool may_pass(const grpc::Status& status);
+/// That, or no answer came: nobody has refused anything.
+bool is_away(const grpc::Status& status);
 
-/// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing; printable.
+/// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing; of a server that was not
+/// reached, what may be wrong with the config. Printable; the caller names the server.
 std::string describe(const grpc::Status& status);
 
-/// The peer's own answer to somebody's protos.SignedProposal, waiting at most `deadline`.
-Result<protos::ProposalResponse> query_peer(const std::shared_ptr<grpc::Channel>& peer,
+/// The answer of the peer at `endpoint` to somebody's protos.SignedProposal, waiting at most `deadline`.
+Result<protos::ProposalResponse> query_peer(const std::string& endpoint, const std::shared_ptr<grpc::Channel>& peer,
                                             std::string_view signed_proposal, std::chrono::milliseconds deadline);
 
 /// For a BackOff's jitter: another in each client of a process.

@@ -11,11 +11,6 @@ namespace {
 
 constexpr std::chrono::milliseconds silent_rest{5'000};  // each try costs the call the timeout with it
 
-bool not_reached(const grpc::Status& status) {
-  return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
-         status.error_code() == grpc::StatusCode::CANCELLED;
-}
-
 EndorsementCollector::Answer answer_of(const std::string& organisation, const grpc::Status& status,
                                        const protos::ProposalResponse& response) {
   if (!status.ok()) return {organisation, describe(status), {}};
@@ -264,8 +259,7 @@ void EndorsementStage::on_not_endorsed(const RequestPtr& request, const grpc::St
     if (request->endorsing) endorse(request);
   };
   if (retry(request, status, again)) return;
-  handlers_.on_failed(request, not_reached(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused,
-                      describe(status));
+  handlers_.on_failed(request, is_away(status) ? Outcome::Kind::unavailable : Outcome::Kind::refused, describe(status));
 }
 
 }  // namespace ledgerline::fabric

@@ -27,18 +27,20 @@ class EventReader {
     if (!request) return request.error().message;
     grpc::ClientContext context;
     const StreamThread::Cancellable cancellable(thread, context);
-    const std::shared_ptr<grpc::Channel> peer = connection_->channels()->stream_peers[connection_->peer()];
+    const std::size_t which = connection_->peer();
+    const std::shared_ptr<grpc::Channel> peer = connection_->channels()->stream_peers[which];
     const auto stub = gateway::Gateway::NewStub(peer);
     const auto stream = stub->ChaincodeEvents(&context, *request);
     // The first answer may be far off; the question is out when the channel stands.
     if (peer->GetState(false) == GRPC_CHANNEL_READY) thread.connected();
     gateway::ChaincodeEventsResponse response;
-    return read_all(thread, context, *stream, response, [&](gateway::ChaincodeEventsResponse& events) {
-      thread.connected();
-      Status handed_over = hand_over(events, thread);
-      if (handed_over) thread.progress();
-      return handed_over;
-    });
+    return read_all(thread, context, *stream, connection_->endpoint(which), response,
+                    [&](gateway::ChaincodeEventsResponse& events) {
+                      thread.connected();
+                      Status handed_over = hand_over(events, thread);
+                      if (handed_over) thread.progress();
+                      return handed_over;
+                    });
   }
 
  private:

@@ -13,7 +13,8 @@ Result<std::unique_ptr<PeerQueries>> PeerQueries::create(ClientConfig config) {
 }
 
 Result<std::string> PeerQueries::propose(std::string_view signed_proposal) {
-  const auto answer = query_peer(connection_->channels()->peers.front(), signed_proposal, connection_->config.deadline);
+  const auto answer = query_peer(connection_->config.endpoint, connection_->channels()->peers.front(), signed_proposal,
+                                 connection_->config.deadline);
   if (!answer) return answer.error();
   return answer->SerializeAsString();
 }

@@ -79,9 +79,11 @@ void StreamThread::run() {
   }
 }
 
-std::string text_of(const grpc::Status& status) {
-  return status.ok() ? "the ledger ended the stream"
-                     : fmt::format("{} (gRPC {})", describe(status), static_cast<int>(status.error_code()));
+std::string text_of(const grpc::Status& status, const std::string& endpoint) {
+  if (status.ok()) return endpoint + " ended the stream";
+  if (status.error_code() == grpc::StatusCode::UNAVAILABLE)
+    return fmt::format("{}, which is tried again: {}", endpoint, describe(status));
+  return fmt::format("{}: {} (gRPC {})", endpoint, describe(status), static_cast<int>(status.error_code()));
 }
 
 Result<common::Block> fetch_block(const Connection& connection, StreamThread& thread,
@@ -93,7 +95,10 @@ Result<common::Block> fetch_block(const Connection& connection, StreamThread& th
   const auto channels = connection.channels();
   const auto stub = protos::Deliver::NewStub(channels->stream_peers[peer]);
   const auto stream = stub->Deliver(&context);
-  if (const Status sent = seek(connection, *stream, channels->peer_tls_hashes[peer], number, SeekStop::at_start); !sent)
+  const std::string& endpoint = connection.endpoint(peer);
+  if (const Status sent =
+          seek(connection, *stream, endpoint, channels->peer_tls_hashes[peer], number, SeekStop::at_start);
+      !sent)
     return sent.error();
   protos::DeliverResponse response;
   const bool read = stream->Read(&response);
@@ -102,7 +107,8 @@ Result<common::Block> fetch_block(const Connection& connection, StreamThread& th
   if (!read || response.Type_case() != protos::DeliverResponse::kBlock ||
       (number && response.block().header().number() != *number))
     return Error{fmt::format("the peer does not give {}: {}",
-                             number ? fmt::format("block {}", *number) : "its newest block", text_of(status))};
+                             number ? fmt::format("block {}", *number) : "its newest block",
+                             text_of(status, endpoint))};
   return std::move(*response.mutable_block());
 }
 

@@ -79,13 +79,14 @@ std::unique_ptr<StreamThread> run_reader(std::shared_ptr<Reader> reader, StreamT
 
 // What readers share.
 
-/// Why a stream ended.
-std::string text_of(const grpc::Status& status);
+/// Why a stream of the server at `endpoint` ended.
+std::string text_of(const grpc::Status& status, const std::string& endpoint);
 
-/// Reads until the stream ends, or `on_message` has an error: why it ended. The thread's call is `context`.
+/// Reads until the stream of `endpoint` ends, or `on_message` has an error: why it ended. The thread's call is
+/// `context`.
 template <typename Stream, typename Message, typename OnMessage>
-std::string read_all(StreamThread& thread, grpc::ClientContext& context, Stream& stream, Message& message,
-                     const OnMessage& on_message) {
+std::string read_all(StreamThread& thread, grpc::ClientContext& context, Stream& stream, const std::string& endpoint,
+                     Message& message, const OnMessage& on_message) {
   while (stream.Read(&message)) {
     const Status handled = on_message(message);
     if (handled && !thread.stopping()) continue;
@@ -93,19 +94,19 @@ std::string read_all(StreamThread& thread, grpc::ClientContext& context, Stream&
     (void)stream.Finish();
     return handled ? std::string() : handled.error().message;
   }
-  return text_of(stream.Finish());
+  return text_of(stream.Finish(), endpoint);
 }
 
-/// Requests blocks from `start` on. `tls_hash`: of the server.
+/// Requests blocks from `start` on. `endpoint`, `tls_hash`: of the server.
 template <typename DeliverStream>
-Status seek(const Connection& connection, DeliverStream& stream, const std::string& tls_hash,
-            std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
+Status seek(const Connection& connection, DeliverStream& stream, const std::string& endpoint,
+            const std::string& tls_hash, std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
   auto envelope = make_seek(*connection.signing(), connection.config.where.channel, start, realtime_ns(),
                             crypto::random_bytes(24), stop, tls_hash);
   if (!envelope) return envelope.error();
   common::Envelope message;
   message.ParseFromString(*envelope);
-  return stream.Write(message) ? Status(done) : Error{text_of(stream.Finish())};
+  return stream.Write(message) ? Status(done) : Error{text_of(stream.Finish(), endpoint)};
 }
 
 /// One block of the peer that is asked now, while another stream waits; without a number its newest.

@@ -27,7 +27,7 @@ std::vector<Peer> peers_to_ask(const Connection& connection) {
 
 /// Its answer, or why there is none.
 Result<PeerAnswer> ask(const Peer& peer, const std::string& question, std::chrono::milliseconds deadline) {
-  const auto response = query_peer(peer.channel, question, deadline);
+  const auto response = query_peer(peer.name, peer.channel, question, deadline);
   if (!response) return response.error();
   if (response->response().status() != 200) return Error{words_of_peer(response->response().message())};
   return PeerAnswer{peer.name, response->SerializeAsString()};

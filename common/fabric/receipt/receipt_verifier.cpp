@@ -129,8 +129,7 @@ Status read_call(const Transaction& transaction, const OpenedTransaction& opened
   out.creator = creator->member->name;
   out.contract = transaction.contract;
   out.function = transaction.function;
-  out.arguments = transaction.args.size();
-  for (const std::string& arg : transaction.args) out.argument_bytes += arg.size();
+  out.arguments = transaction.args;
   out.timestamp_ns = transaction.timestamp_ns;
   if (auto status = note(Role::creator, *creator, out.timestamp_ns / ns_per_s, out); !status) return status;
   return read_endorsers(transaction, opened, members, out);

@@ -44,7 +44,7 @@ struct ReceiptProof {
   std::vector<crypto::IdentityName> orderers;  ///< by their word the transaction is in this block
   crypto::IdentityName creator;                ///< by its own word: contract, function, arguments, time
   std::string contract, function;
-  std::size_t arguments = 0, argument_bytes = 0;
+  std::vector<std::string> arguments;
   TimeNs timestamp_ns = 0;
   std::vector<crypto::IdentityName> endorsers;  ///< whose endorsements of this call are good
   int code = 0;                                 ///< protos.TxValidationCode

@@ -108,7 +108,7 @@ Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::str
 struct Endorsement {
   std::string endorser;  ///< msp.SerializedIdentity
   std::string signature;
-  bool fits = false;  ///< as Transaction::creator_fits
+  bool signature_verified = false;  ///< as Transaction::signature_verified
 };
 
 /// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but it cannot be.
@@ -132,7 +132,7 @@ struct Transaction {
   std::string signature;
   /// The source of the block has verified this signature with the key in the identity, so a reader need not verify it
   /// again. False: nobody has, or it does not fit.
-  bool creator_fits = false;
+  bool signature_verified = false;
   std::string response_payload;  ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
   std::vector<Endorsement> endorsements;
   bool config = false;  ///< a config transaction: only tx_id, channel and code are set
@@ -142,13 +142,14 @@ struct Transaction {
   std::string problem;
 };
 
-/// Whether they signed it, who have these keys; not verified again where that was done.
-inline bool creator_signed(const Transaction& transaction, const crypto::Verifier& key) {
-  return transaction.creator_fits || key.verify(transaction.payload, transaction.signature);
+/// Whether the owner of the key signed it, as creator or endorser; not verified again where that was done.
+inline bool verify_signature(const Transaction& transaction, const crypto::Verifier& key) {
+  return transaction.signature_verified || key.verify(transaction.payload, transaction.signature);
 }
-inline bool endorser_signed(const Transaction& transaction, const Endorsement& endorsement,
-                            const crypto::Verifier& key) {
-  return endorsement.fits || key.verify(transaction.response_payload + endorsement.endorser, endorsement.signature);
+inline bool verify_signature(const Transaction& transaction, const Endorsement& endorsement,
+                             const crypto::Verifier& key) {
+  return endorsement.signature_verified ||
+         key.verify(transaction.response_payload + endorsement.endorser, endorsement.signature);
 }
 
 struct Block {

@@ -121,11 +121,18 @@ Status read_orderers(const common::ConfigGroup& channel, ChannelConfig& out) {
   out.consensus = printable(consensus.type());
   out.batching = read_batching(*ordering);
   read_capabilities(*ordering, "orderer", out);
+  const auto add_addresses = [&](const common::ConfigGroup& group, const char* key) {
+    common::OrdererAddresses addresses;
+    if (!read_value(group, key, addresses)) return;
+    for (const std::string& one : addresses.addresses()) out.orderer_addresses.push_back(printable(one));
+  };
   for (const auto& [name, organisation] : ordering->groups()) {
     auto root = read_msp(name, organisation);
     if (!root) return root.error();
     out.orderers.push_back(std::move(*root));
+    add_addresses(organisation, "Endpoints");
   }
+  if (out.orderer_addresses.empty()) add_addresses(channel, "OrdererAddresses");  // of old channels
   auto policy = read_policy(*ordering, "BlockValidation");
   if (!policy) return Error{"there is no policy /Channel/Orderer/BlockValidation that can be read"};
   if (policy->parts.empty()) return Error{"it names no orderers"};

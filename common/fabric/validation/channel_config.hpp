@@ -35,6 +35,7 @@ struct ChannelConfig {
   std::map<std::string, Policy> endorsement_of;  ///< of each organisation alone, by MSP id
   std::optional<Batching> batching{};            ///< nullopt: it says nothing that can be read
   std::string consensus{};                       ///< "etcdraft" ...
+  std::vector<std::string> orderer_addresses{};  ///< HOST:PORT
   /// In words, for people: "MAJORITY Endorsement", or "a signature policy"; empty: there is none.
   std::string endorsement_words{}, lifecycle_words{};
   std::vector<std::string> capabilities{};  ///< "channel V2_0", "orderer V2_0", "application V2_5" ...
@@ -52,8 +53,8 @@ Policy application_policy(const ChannelConfig& config, const std::string& defini
 
 /// Takes a block with a configuration apart. A policy that is not there, or of a kind that is not read, is satisfied by
 /// nobody. An error names what is missing or not supported; never a crash.
-/// Raft's and the embedded node's orderers alone: with consensus that tolerates liars (BFT) a block needs more than
-/// this reads.
+/// Raft's and the embedded node's orderers alone: with consensus that tolerates Byzantine orderers (BFT) a block needs
+/// more than this reads.
 Result<ChannelConfig> read_channel_config(const common::Block& block);
 
 /// How much later a command may come on a channel that cuts its blocks after `timeout_ns` (BatchTimeout) or at

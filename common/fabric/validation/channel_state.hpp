@@ -61,7 +61,7 @@ class ChannelState {
   virtual void walk(const std::string& name, const std::string& start,
                     const std::function<bool(const std::string& key, Version version)>& take) const = 0;
   virtual bool knows_transaction(const std::string& tx_id) const = 0;
-  /// Of an id that is known: whether nobody but a transaction that was not its owner has used it.
+  /// Whether a known id was used only by transactions whose nonce and creator do not give it.
   virtual bool is_claimed(const std::string& /*tx_id*/) const { return false; }
   /// All ids are known of transactions from this block on.
   virtual std::uint64_t ids_since() const { return 0; }

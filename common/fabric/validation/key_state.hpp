@@ -84,7 +84,6 @@ inline void KeyUse::remove(const Slot& slot) {
 }
 
 inline const KeyName& KeyUse::oldest_of_largest() const {
-  LEDGERLINE_CHECK(!groups_.empty(), "there is a key to go");
   LEDGERLINE_CHECK(!groups_.empty(), "a key is looked for to make room, so there is one");
   const auto keys_of = [](const auto& organisation) {
     std::size_t keys = 0;
@@ -122,7 +121,7 @@ class KeyState final : public ChannelState {
     ++policies_;
   }
   /// A contract that the channel has without Fabric's lifecycle, as the embedded node's: its keys need the channel's
-  /// own policy. `policy`: protos.ApplicationPolicy of one whose definition was not followed.
+  /// own policy.
   void define(const std::string& contract) { definitions_[contract] = {.policy = std::string()}; }
   /// protos.ApplicationPolicy of a contract whose definition was not followed, by a peer's word; a block replaces it.
   void set_unverified_policy(const std::string& contract, const std::string& policy) {
@@ -196,7 +195,7 @@ class KeyState final : public ChannelState {
   std::map<Range, KeyUse::Slot> ranges_;  ///< of a part, whose keys are all known
   KeyUse range_use_;
   std::unordered_set<std::string> transactions_;
-  std::unordered_set<std::string> claimed_;  ///< of these those that nobody but others have used
+  std::unordered_set<std::string> claimed_;  ///< ids used so far only by transactions that do not own them
   struct Id {
     std::string tx_id;
     std::uint64_t block = 0;

@@ -35,9 +35,9 @@ class TransactionValidator {
     const TransactionForm form =
         read_form(envelope, [&](const std::string& creator, const std::string& payload, const std::string& signature) {
           const auto member = members_.member(creator, std::nullopt);
-          verdict.creator_signed = member && (*member)->verifier->verify(payload, signature);
-          if (verdict.creator_signed) verdict.creator_msp = (*member)->name.msp_id;
-          return verdict.creator_signed;
+          verdict.signature_verified = member && (*member)->verifier->verify(payload, signature);
+          if (verdict.signature_verified) verdict.creator_msp = (*member)->name.msp_id;
+          return verdict.signature_verified;
         });
     verdict.tx_id = form.channel_header.tx_id();
     verdict.config = form.config;
@@ -55,7 +55,7 @@ class TransactionValidator {
     ReadWriteSet sets;
     unknown_ = false;
     flagged_ = reported.has_value();
-    const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits, verdict.endorsers);
+    const Wrong wrong = endorsed(form, sets, verdict.endorsements_verified, verdict.endorsers);
     if (wrong.code != protos::VALID) return refuse(std::move(verdict), wrong.code, wrong.why, reported);
     if (unknown_ && is_of_endorsement(reported)) return refuse_by_flag(std::move(verdict), *reported, std::move(sets));
     if (reported == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
@@ -148,20 +148,20 @@ class TransactionValidator {
   }
 
   /// Who has endorsed, each once, until those found are enough: nothing follows from more of them.
-  std::vector<Endorser> endorsers_of(const TransactionForm& form, std::vector<bool>& fits,
+  std::vector<Endorser> endorsers_of(const TransactionForm& form, std::vector<bool>& verified,
                                      const std::function<bool(const std::vector<Endorser>&)>& are_enough) {
     std::vector<Endorser> found;
     std::set<std::string> known;
     for (const protos::Endorsement& endorsement : form.endorsements) {
       const auto member = members_.member(endorsement.endorser(), std::nullopt);
-      fits.push_back(false);
+      verified.push_back(false);
       if (!member) continue;
       const std::string identity = (*member)->name.msp_id + ' ' + without_layout((*member)->pem);
       if (known.contains(identity) ||
           !(*member)->verifier->verify(form.response_payload + endorsement.endorser(), endorsement.signature()))
         continue;
       known.insert(identity);
-      fits.back() = true;
+      verified.back() = true;
       found.push_back({(*member)->name.msp_id, (*member)->peer, (*member)->orderer, identity});
       if (are_enough(found)) break;
     }
@@ -189,7 +189,7 @@ class TransactionValidator {
     return {};
   }
 
-  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets, std::vector<bool>& fits,
+  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets, std::vector<bool>& verified,
                  std::vector<Endorser>& endorsers) {
     protos::ChaincodeHeaderExtension called;
     if (!called.ParseFromString(form.channel_header.extension()))
@@ -205,14 +205,14 @@ class TransactionValidator {
     for (const NamespaceSet& part : sets.parts) {
       if (part.writes()) namespaces.insert(part.name);
     }
-    endorsers = endorsers_of(form, fits, [&](const std::vector<Endorser>& found) {
+    endorsers = endorsers_of(form, verified, [&](const std::vector<Endorser>& found) {
       unknown_ = false;
       return std::all_of(namespaces.begin(), namespaces.end(),
                          [&](const std::string& name) { return satisfies_policies(name, sets, found); }) &&
              !unknown_;
     });
-    LEDGERLINE_CHECK(endorsers.size() <= fits.size(), "each endorser is of an endorsement", endorsers.size(),
-                     fits.size());
+    LEDGERLINE_CHECK(endorsers.size() <= verified.size(), "each endorser is of an endorsement", endorsers.size(),
+                     verified.size());
     unknown_ = false;
     for (const std::string& name : namespaces) {
       if (state_.whole() && !state_.policy_of(name, ""))
@@ -294,7 +294,7 @@ std::vector<TransactionVerdict> validate_transactions(const common::Block& block
         flags.size() == count ? std::optional<int>(static_cast<unsigned char>(flags[i])) : std::nullopt;
     const TransactionVerdict& verdict =
         verdicts.emplace_back(validator.validate(block.data().data(static_cast<int>(i)), reported));
-    LEDGERLINE_CHECK(verdict.code != protos::VALID || verdict.config || verdict.creator_signed,
+    LEDGERLINE_CHECK(verdict.code != protos::VALID || verdict.config || verdict.signature_verified,
                      "what counts was signed by its creator", block.header().number(), i, verdict.tx_id);
   }
   return verdicts;

@@ -22,10 +22,10 @@ struct TransactionVerdict {
   /// In a block without flags: it has to do with keys of the hot path alone (ChannelState::is_of_hot_path). Its
   /// creator may have used its id before the state knows ids; then peers flag it as a duplicate.
   bool repeatable = false;
-  bool creator_signed = false;
-  std::string creator_msp{};  ///< of a creator who signed
+  bool signature_verified = false;  ///< the creator's
+  std::string creator_msp{};        ///< of a creator who signed
   /// Of each endorsement, as far as they were looked at: it is a member's. Once they are enough, no further one is.
-  std::vector<bool> endorsement_fits{};
+  std::vector<bool> endorsements_verified{};
   std::vector<Endorser> endorsers{};  ///< likewise, each once
   ReadWriteSet sets{};                ///< of a valid one, or of one that is invalid by its flag alone
 };

@@ -24,6 +24,12 @@ std::string revoked_words(const Lease& lease) {
              : fmt::format("{}, who commands it, is revoked", lease.commander->subject);
 }
 
+std::string came_down(FailsafeCause cause) {
+  return cause == FailsafeCause::none
+             ? "landed without an order of ours: another client's (`ledgerline tello land`), or its firmware did"
+             : fmt::format("came down by itself: {}", words_for(cause));
+}
+
 Status named(const char* what, const Status& checked) {
   return checked ? checked : Status(Error{what + checked.error().message});
 }
@@ -53,18 +59,26 @@ void Phases::enter(TimeNs now, DronePhase phase) {
   if (phase != DronePhase::takeoff && phase != DronePhase::path) status_.planned.clear();
 }
 
-void Phases::land(TimeNs now, const std::string& why) {
+void Phases::clear_why() {
+  status_.why.clear();
+  status_.landed_by_stop = false;
+}
+
+void Phases::land(TimeNs now, const std::string& why, bool by_stop) {
   if (status_.phase >= DronePhase::landing) return;
   end_path();
-  if (status_.why.empty()) status_.why = why;
+  if (status_.why.empty()) {
+    status_.why = why;
+    status_.landed_by_stop = by_stop;
+  }
   enter(now, status_.phase == DronePhase::waiting ? DronePhase::failed : DronePhase::landing);
 }
 
-Status Phases::land_by_pilot(TimeNs now, const std::string& why) {
+Status Phases::land_by_pilot(TimeNs now, const std::string& why, bool by_stop) {
   // A flight along a path that waits would take off as soon as nothing speaks against it.
   const bool waits_to_fly = status_.phase == DronePhase::waiting && !config_.manual;
-  if (in_air() || waits_to_fly) land(now, why);
-  if (status_.phase == DronePhase::failed && seen_.has_state && in_flight(seen_.state.phase))
+  if (in_air() || waits_to_fly) land(now, why, by_stop);
+  if (status_.phase == DronePhase::failed && seen_.has_state && is_in_flight(seen_.state.phase))
     enter(now, DronePhase::landing);
   if (status_.phase != DronePhase::waiting) return done;
   const Status ready = check_ready(now);
@@ -77,10 +91,10 @@ void Phases::end_path() {
 }
 
 void Phases::lease_changed(TimeNs now) {
-  if (config_.manual && status_.phase == DronePhase::waiting && lease_.may_command) status_.why.clear();
+  if (config_.manual && status_.phase == DronePhase::waiting && lease_.may_command) clear_why();
   if (!in_air()) return;
   if (is_stopped(lease_.stoppers)) {
-    land(now, "stopped by " + stopper_names(lease_.stoppers));
+    land(now, "stopped by " + stopper_names(lease_.stoppers), true);
   } else if (lease_.commander != config_.self || lease_.revoked) {
     end_path();
     status_.why = lease_.commander != config_.self
@@ -101,7 +115,7 @@ Status Phases::take_off(TimeNs now, bool ending) {
   if (!ready) return ready;
   flew_ = false;
   planner_.manual().release();
-  status_.why.clear();
+  clear_why();
   status_.origin_m = {seen_.state.position_m[0], seen_.state.position_m[1]};
   origin_known_ = check_pose(now).ok();
   asked_ns_ = seen_.state.stamp_ns;
@@ -182,7 +196,7 @@ void Phases::advance_waiting(TimeNs now) {
 void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
   const StateSample& s = seen_.state;
   if (s.phase != FlightPhase::flying) {
-    if (flew_) land(now, fmt::format("came down by itself: {}", words_for(s.cause)));
+    if (flew_) land(now, came_down(s.cause));
     return;
   }
   if (!flew_) settling_since_ns_ = s.stamp_ns;
@@ -203,7 +217,7 @@ void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
 void Phases::advance_flown(TimeNs now) {
   const StateSample& s = seen_.state;
   if (s.phase != FlightPhase::flying) {
-    land(now, fmt::format("came down by itself: {}", words_for(s.cause)));
+    land(now, came_down(s.cause));
   } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
     land(now, fmt::format("its failsafe landed it: {}", words_for(s.cause)));
   } else if (status_.phase == DronePhase::path) {
@@ -260,7 +274,7 @@ Status Phases::check_ready(TimeNs now) const {
     return Error{lease_.holder ? "its lease is held by " + holder_words(lease_) : "nobody holds its lease"};
   if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return check_pose(now);
   if (seen_.state.phase == FlightPhase::disconnected) return Error{"link does not reach it"};
-  if (in_flight(seen_.state.phase)) return done;
+  if (is_in_flight(seen_.state.phase)) return done;
   if (!may_take_off(seen_.state, config_.manual))
     return Error{fmt::format("it may not take off ({})", words_for(seen_.state.cause))};
   return timing_.check_delay();
@@ -268,9 +282,15 @@ Status Phases::check_ready(TimeNs now) const {
 
 std::optional<std::string> Phases::check_time(TimeNs now) {
   const TimeNs in_phase_ns = now - entered_ns_;
-  if (in_air() && now - seen_.received_ns > config_.limits.silence_ns) {
-    land(now, fmt::format("no state came for {:.1f} s", to_seconds(config_.limits.silence_ns)));
+  const TimeNs silent_ns = now - seen_.received_ns;
+  if (in_air() && silent_ns > config_.limits.silence_ns) {
+    land(now, silence_words(now, config_.limits.silence_ns));
     return std::nullopt;
+  }
+  if (!in_air() || silent_ns <= config_.limits.warn_silence_ns) {
+    is_silence_reported_ = false;
+  } else if (!std::exchange(is_silence_reported_, true)) {
+    return silence_words(now, config_.limits.warn_silence_ns);
   }
   if (const Follower* follower = planner_.follower(); in_air() && follower) {
     const Status checked = follower->check();
@@ -315,6 +335,16 @@ std::optional<std::string> Phases::check_time(TimeNs now) {
       return std::nullopt;
   }
   return std::nullopt;
+}
+
+// Without any drone's states there may be no blocks, either: they come while somebody writes. Those of our own last
+// commands still come shortly after the last state, so that only the limit's second half counts.
+std::string Phases::silence_words(TimeNs now, TimeNs limit_ns) const {
+  const char* const who = !config_.ledger ? ""
+                          : now - seen_.block_ns <= limit_ns / 2
+                              ? ", though blocks come: look at its host's agent and link"
+                              : ", nor any block: the ledger is silent, or all who write to it";
+  return fmt::format("no state came for {:.1f} s{}", to_seconds(limit_ns), who);
 }
 
 std::string Phases::abandon_path(TimeNs now, const std::string& why) {

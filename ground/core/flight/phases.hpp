@@ -10,8 +10,8 @@ constexpr bool is_in_air(DronePhase phase) { return phase >= DronePhase::takeoff
 /// Or on its way down.
 constexpr bool is_flown(DronePhase phase) { return is_in_air(phase) || phase == DronePhase::landing; }
 
-/// On the ground link says what speaks against a take-off. A stop it keeps until the next take-off command; whether
-/// that is allowed says the ledger.
+/// On the ground link reports what forbids a take-off. It reports a stop until the next take-off command; the ledger
+/// decides whether that is allowed.
 bool may_take_off(const StateSample& state, bool manual);
 
 /// One drone's flight: which phase it is in, by its states, its lease, its pilot and the time; why it went wrong.
@@ -35,11 +35,11 @@ class Phases {
   std::optional<std::string> check_time(TimeNs now);
   /// The lease changed, or somebody stopped the drone.
   void lease_changed(TimeNs now);
-  /// Ends the flight, where it is not landing already.
-  void land(TimeNs now, const std::string& why);
+  /// Ends the flight, where it is not landing already. `by_stop`: `why` is somebody's stop.
+  void land(TimeNs now, const std::string& why, bool by_stop = false);
   /// Its pilot wants it down, also where it was given up, and where it still waits to fly its path. The error of this
   /// and of the next three says what speaks against it.
-  Status land_by_pilot(TimeNs now, const std::string& why);
+  Status land_by_pilot(TimeNs now, const std::string& why, bool by_stop = false);
   /// `ending`: the whole flight is.
   Status take_off(TimeNs now, bool ending);
   /// `delay_ns`: until a plan made now is flown.
@@ -47,15 +47,16 @@ class Phases {
   Status pause_path(TimeNs now);
   /// The error says why link did not obey a pilot's take-off, which is over with that.
   Status check_takeoff(TimeNs now);
+  /// What speaks against a take-off.
+  Status check_ready(TimeNs now) const;
 
  private:
-  /// For a take-off.
-  Status check_ready(TimeNs now) const;
   /// For an order.
   Status check_flying(TimeNs now) const;
   Status check_pose(TimeNs now) const;
   Status fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
   Status fly_checked(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
+  std::string silence_words(TimeNs now, TimeNs limit_ns) const;
   std::string abandon_path(TimeNs now, const std::string& why);
   void advance_waiting(TimeNs now);
   void advance_takeoff(TimeNs now, TimeNs delay_ns);
@@ -65,6 +66,7 @@ class Phases {
   bool settled() const;
   bool near_origin() const;
   void end_path();
+  void clear_why();
   TimeNs path_limit_ns() const;
   void enter(TimeNs now, DronePhase phase);
 
@@ -76,6 +78,7 @@ class Phases {
   FlightStatus& status_;
   TimeNs entered_ns_ = 0;  ///< the phase; the ground's clock
   bool flew_ = false;
+  bool is_silence_reported_ = false;
   bool origin_known_ = false;    ///< it took off under us, with a pose
   TimeNs asked_ns_ = 0;          ///< for a pilot's take-off; the drone's clock
   bool refused_before_ = false;  ///< the drone's refusal of an earlier one still shows

@@ -10,7 +10,7 @@
 
 namespace ledgerline::ground {
 
-/// The newest `kept` samples of a time, oldest overwritten; Bounded; one thread.
+/// The newest `kept` samples of a time, oldest overwritten; bounded; one thread.
 class Window {
  public:
   static constexpr std::size_t kept = 64;
@@ -57,13 +57,13 @@ class PlanTiming {
 
   explicit PlanTiming(std::size_t drones) : drones_(drones) {}
 
-  /// A plan of the drone went out; of a number that is used again, what is made newest counts.
+  /// A plan of the drone went out. If a sequence number is reused, the newest plan counts.
   void submitted(std::size_t drone, std::uint64_t sequence, TimeNs made_ns);
   /// Every state counts, not the newest of a burst alone.
   void observe(std::size_t drone, const StateSample& state);
   /// One of our calls was seen in a block, so long after its submission.
   void measure(TimeNs one_way_ns);
-  /// What came under the lease before says nothing any more.
+  /// Forgets the plans and arrivals of the previous lease.
   void begin_lease(std::size_t drone);
 
   const Timing& of(std::size_t drone) const;
@@ -74,8 +74,7 @@ class PlanTiming {
 
  private:
   static constexpr TimeNs max_plan_delay_ns = 4 * ns_per_s;
-  static constexpr TimeNs overdue_ns =
-      2 * ns_per_s;  ///< a plan that agent may have refused because it was for too late
+  static constexpr TimeNs overdue_ns = 2 * ns_per_s;       ///< a plan that agent may have refused as too late
   static constexpr TimeNs state_every_ns = 5 * ns_per_ms;  ///< at most; a plan each
   struct PlanRecord {
     std::uint64_t sequence = 0;

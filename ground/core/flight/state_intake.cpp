@@ -21,7 +21,7 @@ bool StateIntake::is_verified(const fabric::Transaction& tx, std::int64_t realti
   const auto member = config_.trusted->member(tx.creator, realtime_s);
   const auto& owner = leases_.of(drone).owner;
   if (!member || (owner && (*member)->name != *owner)) return false;
-  return fabric::creator_signed(tx, *(*member)->verifier);
+  return fabric::verify_signature(tx, *(*member)->verifier);
 }
 
 bool StateIntake::same_boot(std::size_t drone, const StateSample& state) const {
@@ -30,6 +30,10 @@ bool StateIntake::same_boot(std::size_t drone, const StateSample& state) const {
 
 bool StateIntake::is_new(std::size_t drone, const StateSample& state) const {
   return !seen_[drone].has_state || is_newer(state, seen_[drone].state);
+}
+
+void StateIntake::on_block(TimeNs now) {
+  for (IntakeState& seen : seen_) seen.block_ns = now;
 }
 
 void StateIntake::accept(std::size_t drone, const StateSample& state, std::optional<TimeNs> alive_ns) {
@@ -41,7 +45,7 @@ void StateIntake::accept(std::size_t drone, const StateSample& state, std::optio
 }
 
 std::vector<StateIntake::New> StateIntake::read(const fabric::Transaction& tx, std::int64_t realtime_s,
-                                                std::vector<DroneUpdate>& news) {
+                                                std::vector<DroneUpdate>& updates) {
   SetCall call;  // as it was signed; whatever else the event says is the peer's alone
   const verification::Match match = verification::match_set({tx.function, tx.args}, tx.event_payload, call);
   if (match != verification::Match::same) {
@@ -100,8 +104,8 @@ std::vector<StateIntake::New> StateIntake::read(const fabric::Transaction& tx, s
     DroneUpdate& one = all[i];
     if (one.state && one.state->battery < 0) one.state->battery = seen_[i].battery;
     one.drone = i;
-    if (!one.state) one.odometry = one.battery = "";  // sent again for the frame's sake
-    if (one.state || !one.transitions.empty() || !one.alarm.empty()) news.push_back(std::move(one));
+    if (!one.state) one.odometry = one.battery = "";  // repeated: it only completes the batch
+    if (one.state || !one.transitions.empty() || !one.alarm.empty()) updates.push_back(std::move(one));
   }
   return states;
 }

@@ -11,11 +11,13 @@ struct IntakeState {
   bool has_state = false;
   float battery = -1;      ///< the newest that was sent; below 0: none yet
   TimeNs received_ns = 0;  ///< when a state came that counts as a sign of life; the ground's clock
+  TimeNs block_ns = 0;     ///< likewise the channel's newest block, whatever is in it
 };
 
-/// States out of frames: only what the drone's host signed, only of drones that fly here, only what is newer than the
-/// newest, or of another boot. A frame repeats the others' last values; those are no news. In a call a drone's odometry
-/// and battery stand before its status, as agent writes them. What is refused is counted. Deterministic; one thread.
+/// States out of batches: only what the drone's host signed, only of drones that fly here, only what is newer than the
+/// newest, or of another boot. A batch repeats the last values of drones without new ones; these are ignored. In a call
+/// a drone's odometry and battery stand before its status, as agent writes them. What is refused is counted.
+/// Deterministic; one thread.
 class StateIntake {
  public:
   struct New {
@@ -25,13 +27,15 @@ class StateIntake {
 
   StateIntake(const FlightConfig& config, const LeaseBook& leases, FlightTransactions& counters);
 
-  /// The states of a `set` in their order, not accepted yet; `news`: what to publish.
-  std::vector<New> read(const fabric::Transaction& tx, std::int64_t realtime_s, std::vector<DroneUpdate>& news);
+  /// The states of a `set` in their order, not accepted yet; `updates`: what to publish.
+  std::vector<New> read(const fabric::Transaction& tx, std::int64_t realtime_s, std::vector<DroneUpdate>& updates);
   bool is_new(std::size_t drone, const StateSample& state) const;
   bool same_boot(std::size_t drone, const StateSample& state) const;
   /// From now on the drone's newest. `alive_ns`: it is a sign of life.
   void accept(std::size_t drone, const StateSample& state, std::optional<TimeNs> alive_ns);
-  /// Where it is does not change.
+  /// To be called for each block.
+  void on_block(TimeNs now);
+  /// The reference stays valid as long as this object.
   const IntakeState& of(std::size_t drone) const { return seen_[drone]; }
 
  private:

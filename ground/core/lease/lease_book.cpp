@@ -55,7 +55,7 @@ std::optional<LeaseBook::Change> LeaseBook::apply_record(std::size_t drone, cons
 // Who signed it; nobody who is trusted: none.
 std::optional<access::Caller> LeaseBook::creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const {
   const auto member = config_.trusted->member(tx.creator, realtime_s);
-  if (!member || !fabric::creator_signed(tx, *(*member)->verifier)) return std::nullopt;
+  if (!member || !fabric::verify_signature(tx, *(*member)->verifier)) return std::nullopt;
   return access::Caller{(*member)->name, (*member)->admin};
 }
 

@@ -36,7 +36,7 @@ class LeaseBook {
 
   LeaseBook(const FlightConfig& config, FlightTransactions& counters);
 
-  /// A record as it was read; nothing where an older one than ours. An error: of a drone that does not fly here.
+  /// Applies a record that was read; no change if ours is newer. An error: it is of a drone that does not fly here.
   Result<std::optional<Change>> set(const Control& record);
   /// A control event of a block. One that is refused is counted.
   std::vector<Change> on_event(const fabric::Transaction& tx, std::int64_t realtime_s);

@@ -11,9 +11,9 @@
 namespace ledgerline::ground {
 
 /// A pilot's stops on their way, and what clears ours: each goes out by itself, at once, and again until the ledger has
-/// it, the contract refuses it, or 30 s are over. It says how often our stops of that drone were cleared, so that none
-/// stops what was cleared since; where the contract refuses that one, as another count may have come meanwhile, it goes
-/// out once more without. One of a drone and stopper at a time; a cut replaces a stop. Deterministic; one thread.
+/// it, the contract refuses it, or 30 s are over. A stop carries the number of clears so far, so it cannot revive a
+/// stop that was cleared since. If the contract refuses that number, it is sent once without. One of a drone and
+/// stopper at a time; a cut replaces a stop. Deterministic; one thread.
 class PilotStops {
  public:
   PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self);
@@ -21,8 +21,8 @@ class PilotStops {
   /// `by`: the operator whose stop it is; none: ours.
   void request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by = std::nullopt);
   /// To clear our own stop of a drone. It is given up when the stop is none of ours any more, or another's stands
-  /// beside it: a supervisor's word would clear that one, too. A stop that is asked for meanwhile goes out at once, and
-  /// once more when the ledger may have taken the clear behind it. An error: a stop of it is still on its way.
+  /// beside it: a supervisor's clear would lift that one, too. A stop requested meanwhile is sent at once, and again if
+  /// the clear may have been ordered after it. An error: a stop of it is still on its way.
   Status request_clear(TimeNs now, std::size_t drone);
   void submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id, std::vector<Submission>& submissions);
 

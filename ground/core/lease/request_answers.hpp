@@ -11,7 +11,7 @@
 namespace ledgerline::ground {
 
 /// Those who ask for a drone that we hold: each is reported to our operator once, and is answered by the config's rule
-/// when the operator has not done so in time. Of a drone that we only command for somebody its holder hears and
+/// when the operator has not done so in time. For a drone that we command as delegate, its holder is notified and
 /// answers. The rule hands over to the highest priority of those that are due. One answer of a drone at a time, again
 /// over conflicts alone; a request whose answer fails is left to the operator. Deterministic; one thread.
 class RequestAnswers {

@@ -37,7 +37,7 @@ export class SpaceView {
   drones = [];
   trails = new Map();
   selected = null;
-  fence = null; // {min_m, max_m}: what missions are checked against
+  fence = null; // {min_m, max_m} of missions and paths
   previews = []; // [{drone, path}] of missions; a path without heights is the plan's alone
 
   /// Throws where the browser has no WebGL.

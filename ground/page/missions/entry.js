@@ -1,10 +1,10 @@
 // One mission in the panel's list: what is known of it, and its buttons.
+import { put } from '../drones.js';
 import { nameOf } from '../operators/rules.js';
 import { confirmed } from '../operators/session.js';
 import { ACTIONS, approvalWords, droneWords, findingWords, isForbidden, phaseWords, whyNot } from './words.js';
 
 const HASH_SHOWN = 12;
-const put = (element, text) => element.textContent !== text && (element.textContent = text);
 
 function button(label, click) {
   const made = Object.assign(document.createElement('button'), { type: 'button', textContent: label });

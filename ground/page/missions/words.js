@@ -24,7 +24,7 @@ export const isForbidden = ({ findings }) => findings.some((each) => each.forbid
 
 const enough = ({ approvals, approvals_needed }) => approvals.length >= approvals_needed;
 
-/// [the button, why it cannot be asked now (null: it can)]
+/// [the button, why it cannot be asked now (null: it can)]. Other buttons' reasons are in ../drones.js and ../operators/rules.js.
 export const ACTIONS = {
   approve: ['Approve', (mission, who) => {
     if (isFlown(mission) || isOver(mission)) return 'it is flown already';

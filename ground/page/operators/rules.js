@@ -15,7 +15,13 @@ export function named(text, who) {
   return who.operators.reduce((said, { name, identity }) => said.split(identity).reduce((before, after) => `${before}${/^($|[\s;)]|, )/.test(after) ? name : identity}${after}`), text);
 }
 
-export const SIGN_IN = 'Sign in first: who clicks is who signs.';
+/// What an event says of a request for its drone, to be shown on its card; null: nothing.
+export function replyOf({ text, level }, who) {
+  if (who.operator && text.startsWith(`${who.operator}: `)) return `${text}${level === 'info' ? ': done' : ''}`;
+  return /^no [a-z-]+: /.test(text) ? named(text, who) : null; // "no take-off: ..."
+}
+
+export const SIGN_IN = 'Sign in first: commands are signed by the operator.';
 const hasOperators = (who) => who.operators.length > 0;
 const isHeld = (drone) => Boolean(drone.lease?.holder);
 const isMine = (drone, who) => who.identity !== null && drone.lease?.holder === who.identity;
@@ -44,7 +50,8 @@ export function leaseWords(drone, who) {
 
 export const isOurs = (drone, who) => (hasOperators(who) ? isMine(drone, who) : drone.lease?.ours === true);
 
-/// What an operator signs for a drone: [the button, whether it is shown, why it cannot be asked now (null: it can)]
+/// What an operator signs for a drone: [the button, whether it is shown, why it cannot be asked now (null: it can)]. Other
+/// buttons' reasons are in drones.js and missions/words.js; the station's own in lease_problem() of ground/service/core/api.cpp.
 export const CONTROLS = {
   acquire: ['Take control', (drone, who) => !isHeld(drone) || (isMine(drone, who) && !drone.lease.ours), () => null],
   release: ['Give back', isMine, () => null],

@@ -4,13 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "common/base/enum_count.hpp"
 #include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
+#include "ground/core/flight/phases.hpp"
 #include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {
@@ -47,18 +46,15 @@ json events_json(const std::deque<Event>& events, std::size_t first) {
   return list;
 }
 
-Result<json> object_from(std::string_view body) { return strict::object_from(body, "the body", bounds); }
-Result<json> object_from(std::string_view body, std::initializer_list<std::string_view> allowed) {
-  auto object = object_from(body);
+Result<json> object_from(std::string_view body, const strict::Bounds& within = bounds) {
+  return strict::object_from(body, "the body", within);
+}
+Result<json> object_from(std::string_view body, std::initializer_list<std::string_view> allowed,
+                         const strict::Bounds& within = bounds) {
+  auto object = object_from(body, within);
   if (!object) return object;
   if (const Status keys = only(*object, allowed); !keys) return keys.error();
   return object;
-}
-
-std::optional<std::size_t> find(const std::vector<std::string>& names, std::string_view name) {
-  const auto at = std::ranges::find(names, name);
-  if (at == names.end()) return std::nullopt;
-  return static_cast<std::size_t>(at - names.begin());
 }
 
 bool has(std::span<const std::size_t> drones, std::size_t drone) {
@@ -140,7 +136,7 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const ApiCon
   }
   if (known.operators.empty())
     return refusal(404, "nobody signs in here: [service] operators is not set; ledgerline control does that");
-  if (!request.who) return refusal(403, "sign in first: who clicks is who signs");
+  if (!request.who) return refusal(403, "sign in first: commands are signed by the operator");
   const auto body = object_from(request.body);
   if (!body) return refusal(400, body.error().message);
   if (call.kind == Kind::hand_over || call.kind == Kind::deny) {
@@ -168,6 +164,7 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const ApiCon
   return {.status = 202, .body = taken, .call = std::move(call)};
 }
 
+/// Reads who signs in; whether the pass phrase is right is found in ground/service/shell/sessions.cpp.
 ApiAnswer answer_session(const ApiRequest& request, const ApiContext& known) {
   if (request.method == "DELETE") {
     if (!request.who) return refusal(403, "nobody is signed in with this token");
@@ -216,7 +213,7 @@ ApiAnswer mission_answer(const ApiRequest& request, MissionRequest asked, const 
   if (request.who) asked.by = known.operators[*request.who].identity;
   const bool looks = asked.kind == MissionRequest::Kind::list || asked.kind == MissionRequest::Kind::show;
   if (!looks && asked.kind != MissionRequest::Kind::land && !known.operators.empty() && !request.who)
-    return refusal(403, "sign in first: who clicks is who signs; to have all land needs no operator");
+    return refusal(403, "sign in first: commands are signed by the operator; to have all land needs no operator");
   return {.status = 202, .body = {}, .mission = std::move(asked)};
 }
 
@@ -257,13 +254,11 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const A
   const auto slash = path.find('/');
   const std::string_view name = path.substr(0, slash);
   const std::string_view verb = slash == std::string_view::npos ? "" : path.substr(slash + 1);
-  const auto drone = find(known.names, name);
+  const auto drone = drone_of(known.names, name);
   if (!drone) return refusal(404, "no drone \"" + printable(std::string(name), max_shown) + "\" flies here");
   if (const auto call = call_of(verb)) return answer_call(request, {.kind = *call, .drone = *drone}, known);
   PilotCommand command{.drone = *drone};
   if (verb == "takeoff") {
-    if (has(known.stopped, *drone))
-      return refusal(409, fmt::format("{} is stopped: clear the stop first", known.names[*drone]));
     command.takeoff = true;
   } else if (verb == "land") {
     command.land = true;
@@ -331,9 +326,8 @@ ApiAnswer answer_faults(const ApiRequest& request, const ApiContext& known) {
   if (!known.faults) return refusal(404, "there are no faults to switch here: [service] faults is not set");
   if (!known.faults->why.empty()) return refusal(503, known.faults->why);
   if (request.method == "GET") return {200, faults_text(*known.faults)};
-  const auto body = strict::object_from(request.body, "the body", {max_body_bytes, 2, 8});
+  const auto body = object_from(request.body, {"name", "on"}, {max_body_bytes, 2, 8});
   if (!body) return refusal(400, body.error().message);
-  if (const Status keys = only(*body, {"name", "on"}); !keys) return refusal(400, keys.error().message);
   const json name = body->value("name", json()), on = body->value("on", json());
   if (!name.is_string() || !on.is_boolean()) return refusal(400, "needs name, and on: true or false");
   FaultRequest asked{.name = name.get<std::string>(), .on = on.get<bool>()};
@@ -342,7 +336,7 @@ ApiAnswer answer_faults(const ApiRequest& request, const ApiContext& known) {
     return refusal(404, "there is no fault \"" + printable(asked.name, max_shown) + "\"");
   // To end one is never wrong, and nobody has to look for a pass phrase.
   if (asked.on && !known.operators.empty() && !request.who)
-    return refusal(403, "sign in first: who clicks is who signs; to switch one off needs no operator");
+    return refusal(403, "sign in first: commands are signed by the operator; to switch one off needs no operator");
   if (request.who) asked.by = known.operators[*request.who].name;
   return {.status = 200, .body = {}, .fault = std::move(asked)};
 }
@@ -384,6 +378,47 @@ std::optional<std::size_t> unconfirmed_cut(const ApiAnswer& made, std::span<cons
   return made.confirmed || cut == made.commands.end() ? std::nullopt : std::optional(cut->drone);
 }
 
+/// Why this person's order is not taken; empty: its drone's lease allows it, or no lease is needed.
+std::string lease_problem(const ApiRequest& request, const PilotCommand& command, const ApiContext& known) {
+  if (brings_down(command) || command.clear_stop || command.drone >= known.leases.size()) return "";
+  const LeaseState& lease = known.leases[command.drone];
+  const bool is_holder = !request.who || !lease.holder || known.operators[*request.who].identity == *lease.holder;
+  if (lease.ours && is_holder) return "";
+  const std::string& name = known.names[command.drone];
+  const bool asks = lease.holder && (!is_holder || !request.who);  // else it is free, or one's own, commanded elsewhere
+  return fmt::format("{}: {}: `ledgerline {} {} {}` {} it first", name, lease.words,
+                     known.operators.empty() ? "control --config operator.toml" : "drones",
+                     asks ? "request" : "acquire", name, asks ? "asks for" : "takes");
+}
+
+/// Why its drone cannot do that now; empty: it can, or the flight decides.
+std::string phase_problem(const PilotCommand& command, const ApiContext& known) {
+  const bool needs_flight = command.order || command.pause;
+  if (brings_down(command) || !(command.takeoff || needs_flight) || command.drone >= known.phases.size()) return "";
+  const std::string& name = known.names[command.drone];
+  const DronePhase phase = known.phases[command.drone];
+  if (!known.manual) return name + " flies its flight's path: only a flight with shape = \"manual\" takes others";
+  if (phase == DronePhase::landing) return name + " is landing: wait until it is on the ground";
+  if (command.takeoff && is_in_air(phase)) return name + " is in the air already: land it first";
+  if (phase == DronePhase::takeoff) return name + " is taking off: wait until it hovers";
+  if (is_in_air(phase)) return "";
+  if (has(known.stopped, command.drone)) return name + " is stopped: clear the stop first";
+  if (command.takeoff || has(known.aloft, command.drone)) return "";
+  return name + " is on the ground: let it take off first";
+}
+
+/// The first waypoint beyond the fence; empty: none is.
+std::string path_problem(const PilotCommand& command, const ApiContext& known) {
+  if (!known.fence || !command.order) return "";
+  for (std::size_t i = 0; i < command.order->waypoints.size(); ++i) {
+    const Waypoint& waypoint = command.order->waypoints[i];
+    const std::string problem = mission::fence_problem(
+        *known.fence, {waypoint.at_m.x(), waypoint.at_m.y(), waypoint.height_m.value_or(known.height_m)});
+    if (!problem.empty()) return fmt::format("waypoint {}: {}", i + 1, problem);
+  }
+  return "";
+}
+
 }  // namespace
 
 std::string text_of(const crypto::IdentityName& who) { return who.msp_id + " " + who.subject; }
@@ -392,19 +427,30 @@ ApiAnswer refusal(unsigned status, const std::string& words) { return {status, d
 
 ApiAnswer answer(const ApiRequest& request, const ApiContext& known) {
   ApiAnswer made = answer_any(request, known);
-  if (request.over && !lands_and_nothing_else(made)) return refusal(401, session_over);
+  if (request.session_ended && !lands_and_nothing_else(made)) return refusal(401, session_over);
   if (made.commands.empty()) return made;
   // Nobody has to look for a pass phrase to stop a drone.
   if (!known.operators.empty() && !request.who && !lands_and_nothing_else(made))
-    return refusal(403, "sign in first: who clicks is who signs; a stop, which lands it, needs no operator");
+    return refusal(403,
+                   "sign in first: commands are signed by the operator; a stop, which lands it, needs no operator");
+  for (const PilotCommand& command : made.commands) {
+    if (const std::string why = lease_problem(request, command, known); !why.empty()) return refusal(409, why);
+    if (const std::string why = phase_problem(command, known); !why.empty()) return refusal(409, why);
+    if (const std::string why = path_problem(command, known); !why.empty()) return refusal(409, why);
+  }
   if (const auto drone = unconfirmed_cut(made, known.aloft))
-    return refusal(409, fmt::format("{} is in the air, or not known to be on the ground: a cut drops it; say "
-                                    "\"confirmed\":true if that is meant, or stop it, which lands it",
+    return refusal(409, fmt::format("{} is in the air, or not known to be on the ground: a cut drops it. If "
+                                    "that is meant: \"confirmed\":true, `ledgerline drones cut --yes`; a stop lands it",
                                     known.names[*drone]));
   if (known.operators.empty()) return made;
   if (!request.who) return made;
   for (PilotCommand& command : made.commands) command.by = known.operators[*request.who].identity;
   return made;
+}
+
+std::optional<std::size_t> drone_of(const std::vector<std::string>& names, std::string_view name) {
+  const auto at = std::ranges::find(names, name);
+  return at == names.end() ? std::nullopt : std::optional(static_cast<std::size_t>(at - names.begin()));
 }
 
 void merge(const PilotCommand& command, PilotCommand& waiting) {
@@ -436,181 +482,6 @@ std::string paths_message(std::string_view paths) { return fmt::format(R"({{"op"
 
 std::string events_message(const std::deque<Event>& events, std::size_t first) {
   return dump({{"op", "events"}, {"events", events_json(events, first)}});
-}
-
-namespace {
-
-using ground::json::only;
-using nlohmann::json;
-
-constexpr ground::json::Bounds message_bounds{4096, 2, 16};  // a velocity has nine values
-
-Result<json> message_from(std::string_view message) {
-  return ground::json::object_from(message, "the message", message_bounds);
-}
-
-/// Three numbers, or an error.
-Result<std::array<double, 3>> triple(const json& value, const char* what) {
-  std::array<double, 3> numbers{};
-  const bool three = value.is_array() && value.size() == numbers.size() &&
-                     std::ranges::all_of(value, [](const json& n) { return n.is_number(); });
-  if (!three) return Error{std::string(what) + " must be three numbers"};
-  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = value[i].get<double>();
-  return numbers;
-}
-
-std::optional<std::size_t> drone_in(const json& said, const std::vector<std::string>& names) {
-  const json name = said.value("drone", json());
-  if (!name.is_string()) return std::nullopt;
-  const auto at = std::ranges::find(names, name.get_ref<const std::string&>());
-  return at == names.end() ? std::nullopt : std::optional(static_cast<std::size_t>(at - names.begin()));
-}
-
-Result<PilotCommand> velocity_from(const json& said, const std::vector<std::string>& names, TimeNs now) {
-  if (const Status keys = only(said, {"op", "drone", "linear", "yaw_rate", "t_ms"}); !keys) return keys.error();
-  if (said.value("op", json()) != "velocity") return Error{R"(op must be "velocity")"};
-  const auto drone = drone_in(said, names);
-  if (!drone) return Error{"drone must be one that flies here"};
-  const auto linear = triple(said.value("linear", json()), "linear");
-  if (!linear) return linear.error();
-  const json yaw_rate = said.value("yaw_rate", json());
-  if (!yaw_rate.is_number()) return Error{"yaw_rate must be a number"};
-  const json t_ms = said.value("t_ms", json());
-  constexpr double rounded_ms = 1;
-  if (!t_ms.is_number() || !(std::abs(t_ms.get<double>()) <= to_ms(now) + rounded_ms))
-    return Error{"t_ms must be that of the newest state that its pilot had"};
-  if (to_ms(now) - t_ms.get<double>() > to_ms(max_held_ns)) return PilotCommand{.drone = *drone, .late = 1};
-  return PilotCommand{.drone = *drone, .velocity = Twist{*linear, {0, 0, yaw_rate.get<double>()}}, .came_ns = now};
-}
-
-/// Who may say it is decided where requests are answered, for both ways.
-Result<StreamCommand> command_from(const json& said, const std::string& op, const StreamClient& client,
-                                   const ApiContext& known) {
-  if (const Status keys = only(said, {"op", "drone", "id", "confirmed"}); !keys) return keys.error();
-  StreamCommand command;
-  const json id = said.value("id", json());
-  if (!id.is_null() && !id.is_number_unsigned()) return Error{"id must be a number from 0"};
-  if (!id.is_null()) command.id = id.get<std::uint64_t>();
-  json body = json::object();
-  if (said.contains("confirmed")) body["confirmed"] = said["confirmed"];
-  std::string target = "/api/v1/stop";
-  if (said.contains("drone") || op == "land") {
-    const auto drone = drone_in(said, known.names);
-    if (!drone) return Error{"drone must be one that flies here"};
-    target = fmt::format("/api/v1/drones/{}/{}", known.names[*drone], op);
-  } else if (op == "cut") {
-    body["cut"] = true;
-  }
-  const std::string text = body.dump();
-  command.made =
-      answer({.method = "POST", .target = target, .body = text, .who = client.who, .over = client.over}, known);
-  return command;
-}
-
-}  // namespace
-
-Result<PilotCommand> command_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
-  const auto said = message_from(message);
-  if (!said) return said.error();
-  return velocity_from(*said, names, now);
-}
-
-Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const ApiContext& known,
-                                          TimeNs now) {
-  const auto said = message_from(message);
-  if (!said) return said.error();
-  const json op = said->value("op", json());
-  StreamMessage read;
-  if (op == "stop" || op == "land" || op == "cut") {
-    auto command = command_from(*said, op.get<std::string>(), client, known);
-    if (!command) return command.error();
-    read.command = std::move(*command);
-    return read;
-  }
-  if (op != "velocity") return Error{R"(op must be "velocity", "stop", "land" or "cut")"};
-  auto velocity = velocity_from(*said, known.names, now);
-  if (!velocity) return velocity.error();
-  read.velocity = std::move(*velocity);
-  return read;
-}
-
-std::string answer_message(std::uint64_t id, const ApiAnswer& answer) {
-  json message{{"op", "answer"}, {"id", id}, {"status", answer.status}};
-  const json body = json::parse(answer.body, nullptr, false);
-  if (body.is_object() && body.contains("error")) message["error"] = body["error"];
-  return ground::json::dump(message);
-}
-
-namespace {
-
-namespace strict = ground::json;
-using nlohmann::json;
-
-constexpr std::size_t max_fault_name = 64, max_fault_words = 300;
-constexpr strict::Bounds list_bounds{1'048'576, 3, 16 * max_fault_switches + 2};
-
-bool is_fault_name(const std::string& text) {
-  const auto allowed = [](char c) { return contract::is_alphanumeric(c) || c == '-' || c == '_'; };
-  return !text.empty() && text.size() <= max_fault_name && std::ranges::all_of(text, allowed);
-}
-
-json switches_json(const FaultList& list) {
-  json all = json::array();
-  for (const FaultSwitch& one : list.switches) {
-    all.push_back(
-        {{"name", one.name}, {"drone", one.drone}, {"label", one.label}, {"words", one.words}, {"on", one.on}});
-  }
-  return all;
-}
-
-Result<FaultSwitch> switch_from(const json& given) {
-  if (!given.is_object()) return Error{"is no object"};
-  if (const Status keys = strict::only(given, {"name", "drone", "label", "words", "on"}); !keys) return keys.error();
-  FaultSwitch made;
-  for (const auto& [key, to] : {std::pair("name", &made.name), std::pair("drone", &made.drone),
-                                std::pair("label", &made.label), std::pair("words", &made.words)}) {
-    const json text = given.value(key, json());
-    if (!text.is_string() || text.get_ref<const std::string&>().size() > max_fault_words)
-      return Error{fmt::format("{} is no text of at most {} bytes", key, max_fault_words)};
-    *to = text.get<std::string>();
-  }
-  const json on = given.value("on", json());
-  if (!on.is_boolean()) return Error{"on is neither true nor false"};
-  made.on = on.get<bool>();
-  if (!is_fault_name(made.name)) return Error{"name is no word of a-z, A-Z, 0-9, - and _"};
-  return made;
-}
-
-}  // namespace
-
-Result<std::vector<FaultSwitch>> faults_from(std::string_view text) {
-  const auto object = strict::object_from(text, "the list of faults", list_bounds);
-  if (!object) return object.error();
-  if (const Status keys = strict::only(*object, {"faults"}); !keys) return keys.error();
-  const json list = object->value("faults", json());
-  if (!list.is_array() || list.size() > max_fault_switches)
-    return Error{fmt::format("faults is no list of at most {}", max_fault_switches)};
-  std::vector<FaultSwitch> all;
-  std::set<std::string> names;
-  for (const json& given : list) {
-    auto one = switch_from(given);
-    if (!one) return Error{fmt::format("fault {}: {}", all.size() + 1, one.error().message)};
-    if (!names.insert(one->name).second) return Error{fmt::format("there are two faults {}", one->name)};
-    all.push_back(std::move(*one));
-  }
-  return all;
-}
-
-std::string faults_text(const FaultList& list) { return strict::dump({{"faults", switches_json(list)}}); }
-
-std::string faults_message(const FaultList& list) {
-  return strict::dump({{"op", "faults"}, {"faults", switches_json(list)}, {"why", list.why}});
-}
-
-std::string command_of(const FaultRequest& ask) { return (ask.on ? "on " : "off ") + ask.name; }
-
-std::string words_of(const FaultRequest& ask, const FaultSwitch& what) {
-  return fmt::format("{}: switched {}{}{}", what.label, ask.on ? "on" : "off", ask.by.empty() ? "" : " by ", ask.by);
 }
 
 }  // namespace ledgerline::ground::service

@@ -12,53 +12,16 @@
 #include "common/base/result.hpp"
 #include "common/crypto/identities/wiping_string.hpp"
 #include "ground/core/flight_types.hpp"
+#include "ground/mission/check.hpp"
 #include "ground/mission/mission.hpp"
+#include "ground/service/core/drone_queries.hpp"
+#include "ground/service/core/fault_switches.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ground/service/operators/sign_ins.hpp"
 
 /// The ground station's API, version 1 (docs/station.md), without I/O: what a request means and what is answered. Each
 /// function is pure; any thread.
-
-/// What clients say on the stream, and what they are answered. Pure; any thread.
 namespace ledgerline::ground::service {
-
-inline constexpr std::size_t max_fault_switches = 64;  ///< of sixteen drones there are 34
-
-/// A fault of a simulated flight that people switch (docs/station.md).
-struct FaultSwitch {
-  std::string name;   ///< of a-z, 0-9, - and _: "silent-tello1"
-  std::string drone;  ///< empty: of all
-  std::string label;
-  std::string words;  ///< what it does
-  bool on = false;
-};
-
-/// All that there are, or why they are not known.
-struct FaultList {
-  std::vector<FaultSwitch> switches{};
-  std::string why{};  ///< empty: they are known
-};
-
-/// What a client wants switched.
-struct FaultRequest {
-  std::string name;
-  bool on = false;
-  std::string by{};  ///< the operator's name; empty: nobody signs in
-};
-
-/// What the launcher answers to list, on and off:
-/// {"faults":[{"name":...,"drone":...,"label":...,"words":...,"on":false}]}. Read strictly: the error says what is
-/// wrong with it.
-Result<std::vector<FaultSwitch>> faults_from(std::string_view text);
-
-/// {"faults":[...]}
-std::string faults_text(const FaultList& list);
-/// The stream's: {"op":"faults","faults":[...],"why":""}
-std::string faults_message(const FaultList& list);
-/// The launcher's command: "on NAME".
-std::string command_of(const FaultRequest& ask);
-/// For the events: "Drone silent: switched on by alice".
-std::string words_of(const FaultRequest& ask, const FaultSwitch& what);
 
 inline constexpr std::size_t max_body_bytes = 65'536;
 inline constexpr std::size_t max_mission_body_bytes = mission::max_mission_bytes;
@@ -79,7 +42,7 @@ struct ApiRequest {
   std::string_view method, target, body;
   std::optional<std::size_t> who{};  ///< the operator that is signed in
   std::string_view content_type{};
-  bool over = false;  ///< of a session that has ended: it may stop and land drones, and nothing else
+  bool session_ended = false;  ///< it may stop and land drones, and nothing else
 };
 inline constexpr const char* session_over = "the session is over: it may still stop and land, and nothing else";
 /// Somebody signs in.
@@ -122,6 +85,8 @@ struct BoardState {
   std::vector<std::size_t> aloft{};    ///< indexes of the drones that are off the ground, or not known to be on it
   std::vector<std::size_t> stopped{};  ///< indexes of the drones that somebody has stopped
   std::vector<std::size_t> stopped_by_ground{};  ///< those that ground alone has stopped
+  std::vector<LeaseState> leases{};              ///< of all drones
+  std::vector<DronePhase> phases{};              ///< of all drones
 };
 
 /// What there is to know, as Board last reported it.
@@ -132,10 +97,17 @@ struct ApiContext {
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
   const FaultList* faults = nullptr;       ///< null: none are switched here
   std::span<const std::size_t> aloft{}, stopped{}, stopped_by_ground{};  ///< as in BoardState
+  std::span<const LeaseState> leases{};                                  ///< as in BoardState; none: not known yet
+  std::span<const DronePhase> phases{};                                  ///< as in BoardState; none: not known yet
+  bool manual = true;                                                    ///< else each drone flies its flight's path
+  const mission::Fence* fence = nullptr;                                 ///< of paths; null: none is known
+  double height_m = 1;                                                   ///< of waypoints without one
   TimeNs now_ns = 0;                                                     ///< ground's clock
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const ApiContext& known);
+/// Index of a drone; nothing: there is none of that name.
+std::optional<std::size_t> drone_of(const std::vector<std::string>& names, std::string_view name);
 
 /// What one command adds to those that wait for the same drone.
 void merge(const PilotCommand& command, PilotCommand& waiting);
@@ -148,33 +120,5 @@ std::string missions_message(std::string_view list);
 std::string paths_message(std::string_view paths);
 /// {"op":"events","events":[...]}, those from `first` on.
 std::string events_message(const std::deque<Event>& events, std::size_t first);
-
-/// {"op":"velocity","drone":"tello1","linear":[x,y,z],"yaw_rate":r,"t_ms":T}. `t_ms` is that of the newest state which
-/// its pilot had: older than max_held_ns, a network has held it back, and it is late. The error says what is wrong with
-/// it.
-inline constexpr TimeNs max_held_ns = 500 * ns_per_ms;
-Result<PilotCommand> command_from(std::string_view message, const std::vector<std::string>& names, TimeNs now);
-
-/// Who has opened the stream.
-struct StreamClient {
-  std::optional<std::size_t> who{};  ///< the operator, while his session lasts
-  bool over = false;                 ///< his session has ended meanwhile: ApiRequest::over
-};
-/// stop, land and cut, which an open stream takes when no other connection can be had.
-struct StreamCommand {
-  ApiAnswer made;                     ///< as the request of the same meaning has it
-  std::optional<std::uint64_t> id{};  ///< the client's own, for the answer
-};
-struct StreamMessage {
-  std::optional<PilotCommand> velocity{};
-  std::optional<StreamCommand> command{};
-};
-/// {"op":"stop"} of all drones, {"op":"stop","drone":"tello1"}; the same of "cut", which may say "confirmed":true;
-/// "land" of a drone; each may have an "id"; or a velocity. The error: it is none of these.
-Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const ApiContext& known,
-                                          TimeNs now);
-
-/// {"op":"answer","id":7,"status":202}, with the "error" where it is refused.
-std::string answer_message(std::uint64_t id, const ApiAnswer& answer);
 
 }  // namespace ledgerline::ground::service

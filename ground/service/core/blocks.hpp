@@ -11,7 +11,6 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 
-/// What the page gets of the ledger's blocks: counts alone. Pure; any thread.
 namespace ledgerline::ground::service {
 
 inline constexpr std::size_t max_reported_blocks = 50;  ///< the newest; what is older is nobody's news
@@ -37,6 +36,7 @@ inline constexpr std::array<std::string_view, 18> block_kinds{contract::set,
                                                               "config",
                                                               "other"};
 
+/// What the page gets of a block: counts alone.
 struct BlockSummary {
   std::uint64_t number = 0;
   TimeNs at_ns = 0;  ///< when it came; the ground's clock
@@ -46,7 +46,7 @@ struct BlockSummary {
   std::array<std::uint32_t, block_kinds.size()> kinds{};
 };
 
-/// `self`: msp.SerializedIdentity. `contract`: any other's calls are "other".
+/// `self`: msp.SerializedIdentity. `contract`: any other's calls are "other". Pure; any thread.
 BlockSummary summary_of(const fabric::Block& block, TimeNs now, std::string_view self, std::string_view contract);
 
 /// {"op":"blocks","blocks":[...]} of docs/station.md: those behind block `reported`, oldest first.

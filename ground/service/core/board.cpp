@@ -21,6 +21,11 @@ std::string text_or_none(const std::optional<crypto::IdentityName>& who) {
   return who ? service::text_of(*who) : std::string();
 }
 
+/// A stop that is cleared is no reason any more, though the flight's summary has it.
+std::string why_of(const FlightStatus& status, const Lease& lease) {
+  return is_landed_by_stop(status) && !is_stopped(lease.stoppers) ? "" : status.why;
+}
+
 json stoppers_of(const Lease& lease) {
   json all = json::array();
   for (const Stop& stop : lease.stoppers.stoppers()) all.push_back(text_of(to_name(stop.stopper())));
@@ -36,6 +41,11 @@ json requests_of(const Lease& lease) {
   return all;
 }
 
+/// Of its position; 0: not known, as motion capture reports no variance.
+double sigma_of(const StateSample& state) {
+  return state.pose_stamp_ns != 0 ? std::sqrt(state.pose_variance[0] + state.pose_variance[1]) : 0;
+}
+
 json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const FlightStatus& status = core.status(i);
   const IntakeState& seen = core.intake(i);
@@ -43,11 +53,13 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const StateSample& state = seen.state;
   const bool placed = seen.has_state && state.pose_stamp_ns != 0;
   const TimeNs since_ns = now - seen.received_ns;
+  const auto& task = core.drones()[i].task;
+  const double limit_mps = std::min(status.limit_mps, task ? task->speed_mps : core.config().controller.speed_mps);
   json drone{
       {"name", core.drones()[i].name},
       {"channel", core.channel_of(i)},
       {"phase", name_of(status.phase)},
-      {"why", status.why},
+      {"why", why_of(status, lease)},
       {"has_state", seen.has_state},
       {"link_phase", name(state.phase)},
       {"mode", name(state.mode)},
@@ -61,22 +73,21 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
       {"height_m", seen.has_state ? json(state.tof_m > 0 ? state.tof_m : state.height_m) : json()},
       {"velocity", placed ? json(state.velocity_mps) : json()},
       {"yaw", placed ? json(state.yaw_rad) : json()},
-      {"origin", status.origin_m},
+      {"origin", placed ? json(status.origin_m) : json()},
       {"lap", status.lap},
       {"progress", status.progress},
       {"paused", status.paused},
       {"stopped_by", stoppers_of(lease)},
       {"requests", requests_of(lease)},
       {"ledger_untrusted", status.ledger_untrusted},
-      {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
+      {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(limit_mps) : json()},
       {"lease",
        {{"holder", text_or_none(lease.holder)},
         {"commander", text_or_none(lease.commander)},
         {"ours", lease.commander == core.config().self},
         {"epoch", lease.epoch}}}};
-  // Motion capture reports no variance.
-  const float variance = state.pose_variance[0] + state.pose_variance[1];
-  drone["sigma_m"] = placed && variance > 0 ? json(std::sqrt(variance)) : json();
+  const double sigma_m = sigma_of(state);
+  drone["sigma_m"] = sigma_m > 0 ? json(sigma_m) : json();
   drone["predicted"] = nullptr;
   if (const PathController* own = core.controller(i); own && placed && status.phase == DronePhase::path) {
     const Eigen::Vector3d ahead =
@@ -86,7 +97,13 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   return drone;
 }
 
-constexpr Level level_of(FailsafeMode mode) {
+/// What the ledger is to blame for needs a person, whatever the drone does about it.
+constexpr bool is_of_ledger(FailsafeCause cause) {
+  return cause == FailsafeCause::ledger_silent || cause == FailsafeCause::ledger_untrusted;
+}
+
+constexpr Level level_of(FailsafeMode mode, FailsafeCause cause) {
+  if (mode != FailsafeMode::none && is_of_ledger(cause)) return Level::alarm;
   switch (mode) {
     case FailsafeMode::none:
       return Level::info;
@@ -144,7 +161,10 @@ void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vecto
   const Lease& lease = core.lease(i);
   Before& before = before_[i];
   if (std::exchange(before.phase, status.phase) != status.phase) {
-    const bool failed = status.phase == DronePhase::failed;
+    // Landed because the ledger brings nothing of it: no failsafe's event comes, either.
+    const bool is_silent =
+        status.phase == DronePhase::landing && now - core.intake(i).received_ns > core.config().limits.silence_ns;
+    const bool failed = status.phase == DronePhase::failed || is_silent;
     const Level level = failed ? Level::alarm : status.why.empty() ? Level::info : Level::warning;
     add(now, level, name, name_of(status.phase) + (status.why.empty() ? "" : ": " + status.why), events);
   }
@@ -152,17 +172,35 @@ void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vecto
   if (std::exchange(before.reached, reached) != reached)
     add(now, reached ? Level::info : Level::alarm, name, reached ? "link reaches it" : "link does not reach it",
         events);
+  if (now - core.intake(i).received_ns <= core.config().limits.alarm_silence_ns) {
+    if (std::exchange(before.silent, false)) add(now, Level::info, name, "states come again", events);
+  } else if (is_aloft(core, i) && !std::exchange(before.silent, true)) {
+    add(now, Level::alarm, name, "no state comes through the ledger: it holds, and lands by its failsafe", events);
+  }
   const bool other_mode = std::exchange(before.mode, state.mode) != state.mode;
   const bool other_cause = std::exchange(before.cause, state.cause) != state.cause;
-  if (other_cause && state.cause == FailsafeCause::takeoff_refused_by_drone)
+  // In the air a cause without a mode is a warning: at the fence, another drone in the way, battery low.
+  const bool warns = state.cause == FailsafeCause::takeoff_refused_by_drone ||
+                     (is_in_flight(state.phase) && state.cause != FailsafeCause::none);
+  if (other_cause && state.mode == FailsafeMode::none && warns)
     add(now, Level::warning, name, words_for(state.cause), events);
   if (other_mode || (other_cause && state.mode != FailsafeMode::none)) {
-    add(now, level_of(state.mode), name,
+    add(now, level_of(state.mode, state.cause), name,
         state.mode == FailsafeMode::none
             ? "its failsafe lets it go on"
             : fmt::format("failsafe: {} ({})", ledgerline::name(state.mode), words_for(state.cause)),
         events);
   }
+  const double three_sigma_m = 3 * sigma_of(state);
+  if (three_sigma_m >= before.warn_at_m) {
+    add(now, Level::warning, name,
+        fmt::format("its position is uncertain by {:.1f} m (three sigma) and becomes more so: land it before "
+                    "its failsafe brakes it",
+                    three_sigma_m),
+        events);
+    while (before.warn_at_m <= three_sigma_m) before.warn_at_m *= 2;
+  }
+  while (before.warn_at_m > uncertain_m && three_sigma_m < before.warn_at_m / 4) before.warn_at_m /= 2;
   if (before.holder != lease.holder || before.commander != lease.commander) {
     before.holder = lease.holder;
     before.commander = lease.commander;
@@ -181,7 +219,14 @@ std::vector<Event> Board::update(TimeNs now, const FlightView& core, const std::
   std::vector<Event> events;
   before_.resize(core.drones().size());
   for (std::size_t i = 0; i < before_.size(); ++i) update(now, core, i, events);
-  for (const std::string& note : notes) add(now, Level::warning, "", note, events);
+  for (const std::string& note : notes) {
+    const std::size_t end = note.find(": ");
+    const bool of_drone = end != std::string::npos && index_of(core.drones(), std::string_view(note).substr(0, end));
+    if (of_drone)
+      add(now, Level::warning, note.substr(0, end), note.substr(end + 2), events);
+    else
+      add(now, Level::warning, "", note, events);
+  }
   return events;
 }
 

@@ -58,13 +58,15 @@ class Board {
   static std::string state_message(TimeNs now, const FlightView& core, const std::string& drones);
 
  private:
+  static constexpr double uncertain_m = 0.5;  ///< three sigma of a position, where it is first warned of
   struct Before {
     DronePhase phase = DronePhase::waiting;
     FailsafeMode mode = FailsafeMode::none;
     FailsafeCause cause = FailsafeCause::none;
-    bool reached = false;
+    bool reached = false, silent = false;
     std::optional<crypto::IdentityName> holder, commander;
     std::string stoppers;
+    double warn_at_m = uncertain_m;  ///< three sigma of its position that is warned of next
   };
   void update(TimeNs now, const FlightView& core, std::size_t drone, std::vector<Event>& events);
   void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);

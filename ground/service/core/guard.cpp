@@ -65,7 +65,7 @@ Guard::Admission Guard::check(const Head& head, const FindSession& find) const {
     if (token.size() != token_digits) continue;
     const Found found = find(token);
     if (found.session) return {{.status = 0, .body = {}}, found.session};
-    if (found.over) return {refusal(401, session_over), {}, true};
+    if (found.session_ended) return {refusal(401, session_over), {}, true};
   }
   return {refusal(401, "the token is missing, or it is another ground's")};
 }

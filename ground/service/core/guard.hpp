@@ -32,17 +32,17 @@ class Guard {
 
   /// For the page's own files, which need no token: status 0, they may go out.
   ApiAnswer check_place(const Head& head) const;
-  /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to. `over`: it is refused,
-  /// but its session was one until it ended, and it may still bring drones down (ApiRequest::over).
+  /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to. `session_ended`: it is
+  /// refused, but may still bring drones down (ApiRequest::session_ended).
   struct Admission {
     ApiAnswer refused;
     std::optional<SignIns::Session> session{};
-    bool over = false;
+    bool session_ended = false;
   };
   /// What a token that is not the page's belongs to.
   struct Found {
     std::optional<SignIns::Session> session{};
-    bool over = false;
+    bool session_ended = false;
   };
   using FindSession = std::function<Found(std::string_view token)>;
   Admission check(const Head& head, const FindSession& find) const;

@@ -57,9 +57,9 @@ struct UnauthenticatedClient {
   bool has_ended_handshake = false;  ///< TLS's; of one without TLS: false until its head is read
 };
 
-/// At so many unauthenticated clients the next one displaces one of them. At 1,000 new connections a second each then
-/// has a fifth of a second at least: a round trip of who is 50 ms away, which TLS takes before a request, and what
-/// comes in a burst. With 256 one such request in a hundred was displaced. Each costs a descriptor and some kB.
+/// At so many unauthenticated clients the next one displaces one of them. At 1,000 connections a second a client keeps
+/// its slot for 0.2 s or more: enough for a TLS handshake at a distance of 50 ms. With 256 one such request in a
+/// hundred was displaced. Each costs a descriptor and some kB.
 inline constexpr std::size_t max_unauthenticated = 384;
 
 /// Index of whom a new unauthenticated client displaces; `all`: oldest first, not empty. Of those whose handshake has

@@ -20,7 +20,7 @@ namespace ledgerline::ground::service {
 /// of a digest from each signer, so who has withdrawn approves again in the next period. Pure.
 class ApprovalTerms {
  public:
-  /// `lasts_s`: an approval ends when it is so old at most, and half of it at least: two periods are looked at.
+  /// An approval expires after between lasts_s / 2 and lasts_s, so two periods are checked.
   ApprovalTerms(crypto::IdentityName ground, std::int64_t lasts_s) : ground_(std::move(ground)), lasts_s_(lasts_s) {}
 
   struct Digests {
@@ -31,7 +31,7 @@ class ApprovalTerms {
   /// Changes when the approvals of another period count.
   std::int64_t period(std::int64_t unix_s) const { return unix_s / (lasts_s_ / 2); }
 
-  /// What is anchored beside the digest, for people: nobody's approval counts by its words.
+  /// Anchored beside the digest. Text for people; only the digest counts.
   std::string approval_words(const std::string& mission, std::int64_t unix_s) const;
   std::string withdrawal_words(const std::string& mission) const;
 
@@ -55,7 +55,7 @@ std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const ver
 std::vector<AnchorCall> approval_questions(const std::string& digest, const verification::Roles& roles);
 
 /// Ids of the missions that a block approves, or of which it withdraws an approval, valid: their approvals are to be
-/// read again. An event is anybody's word, so what counts is read from the ledger.
+/// read again. Events are not trusted; approvals are read from the ledger.
 std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book, const ApprovalTerms& terms,
                                      std::int64_t unix_s);
 
@@ -64,27 +64,6 @@ bool changes_roles(const fabric::Block& block);
 
 /// What speaks against a mission that could not be checked now.
 mission::Finding not_checked();
-
-/// Runs what is wanted at once, then at most once per `gap_ns`, however often it is asked for. Deterministic; one
-/// thread.
-class RateLimiter {
- public:
-  explicit RateLimiter(TimeNs gap_ns) : gap_ns_(gap_ns) {}
-
-  void request() { is_wanted_ = true; }
-  /// True: do it now.
-  bool start(TimeNs now) {
-    if (!is_wanted_ || now < next_ns_) return false;
-    is_wanted_ = false;
-    next_ns_ = now + gap_ns_;
-    return true;
-  }
-
- private:
-  const TimeNs gap_ns_;
-  TimeNs next_ns_ = 0;
-  bool is_wanted_ = false;
-};
 
 /// Missions whose approvals could not be read: when they are asked for again. Deterministic; one thread.
 class Unread {

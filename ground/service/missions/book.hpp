@@ -66,7 +66,7 @@ class MissionBook {
   struct Outputs {
     std::vector<PilotCommand> commands;
     std::vector<mission::RunEvent> events;
-    std::vector<std::string> kept;            ///< ids whose saved() is another by now
+    std::vector<std::string> kept;            ///< ids of those whose saved() changed since the last step
     std::vector<std::string> ended;           ///< ids of those that are done or aborted by now
     std::vector<std::string> awaiting_check;  ///< ids of those that a restart has found in the air, once each
   };
@@ -104,7 +104,7 @@ class MissionBook {
     mission::RunPhase phase = mission::RunPhase::checked;
   };
   Entry* find(const std::string& id);
-  /// What somebody says of one; where that does not fail, step() and list() have something to report.
+  /// Applies a request to one mission; on success the next step() reports it, and changed() has it listed again.
   template <typename Say>
   Status apply_request(const std::string& id, const Say& say);
   const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }

@@ -73,11 +73,11 @@ bool may_clear_ground_stop(const fabric::Outcome& outcome, const std::string& dr
   return outcome.refusal && outcome.refusal->about == drone;
 }
 
-CallUpdate news_of(const std::string& name, const OperatorCall& call, const std::string& why) {
+CallUpdate update_of(const std::string& name, const OperatorCall& call, const std::string& why) {
   return {Level::warning, fmt::format("{}: {}: not signed: {}", name, words_of(call), why)};
 }
 
-CallUpdate news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome) {
+CallUpdate update_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome) {
   const std::string what = fmt::format("{}: {}", name, words_of(call));
   if (outcome.kind == fabric::Outcome::Kind::committed) return {Level::info, what};
   return {Level::warning,

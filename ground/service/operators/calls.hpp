@@ -63,8 +63,8 @@ struct CallUpdate {
   std::string words;
 };
 /// `why` it was not signed.
-CallUpdate news_of(const std::string& name, const OperatorCall& call, const std::string& why);
+CallUpdate update_of(const std::string& name, const OperatorCall& call, const std::string& why);
 /// What the ledger made of it.
-CallUpdate news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome);
+CallUpdate update_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome);
 
 }  // namespace ledgerline::ground::service

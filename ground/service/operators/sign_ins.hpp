@@ -12,7 +12,6 @@
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 #include "common/verification/control_records.hpp"
-#include "ground/core/flight_view.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -22,10 +21,9 @@ struct Operator {
   crypto::IdentityName identity;
 };
 
-/// An operator's wrong pass phrases. Each address has five at once, all together have twenty; then a phrase is looked
-/// at behind a pause, one of each address and four of all at a time. So who guesses, guesses a few in that pause; who
-/// knows the phrase waits for it, and is kept out only by somebody at his own address who tries without end.
-/// Deterministic; one thread.
+/// An operator's wrong pass phrases. Five attempts of each address are free, twenty of all together. After that, one
+/// attempt of an address is checked every 5 s, and at most four wait. Nobody is locked out, unless somebody at his own
+/// address tries without end. Deterministic; one thread.
 class Attempts {
  public:
   static constexpr int free_of_address = 5, free_of_all = 20;
@@ -77,7 +75,7 @@ class SignIns {
   /// The same of a session that is known; false: it is over.
   bool touch(TimeNs now, const Session& session);
   void end(const Session& session);
-  /// These may sign nothing from here on, and nobody else is kept out any more. Whose sessions end with that.
+  /// Replaces the set of dismissed operators, who may sign nothing; returns those whose sessions ended by that.
   std::vector<std::size_t> dismiss(std::vector<std::size_t> who);
   bool is_dismissed(std::size_t who) const;
   /// Whether that token was of a session that is over.
@@ -100,54 +98,6 @@ class SignIns {
   std::vector<Slot> slots_;
   std::vector<std::size_t> dismissed_;
   std::deque<crypto::Digest> ended_;  ///< oldest first
-};
-
-/// Whether a drone is off the ground, as far as is known: by what it flies for us, or as its newest state says.
-bool is_aloft(const FlightView& flights, std::size_t drone);
-/// Indexes of those, and of the ones of which nothing is known yet.
-std::vector<std::size_t> aloft_of(const FlightView& flights);
-/// Indexes of the drones that somebody has stopped.
-std::vector<std::size_t> stopped_of(const FlightView& flights);
-/// Indexes of the drones that ground's own identity has stopped, and nobody else.
-std::vector<std::size_t> stopped_by_ground(const FlightView& flights);
-
-/// What somebody holds that we command for him.
-struct HeldDrones {
-  std::vector<std::size_t> drones{};
-  std::vector<std::size_t> aloft{};  ///< of these
-};
-HeldDrones drones_held_by(const FlightView& flights, const crypto::IdentityName& who);
-
-/// Operators whose session is over. Each drone that one holds is asked to land, repeatedly, and once it is down it is
-/// given back; after a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone.
-/// Deterministic, no I/O; one thread.
-class EndedSessions {
- public:
-  static constexpr TimeNs limit_ns = 60 * ns_per_s, again_ns = ns_per_s;
-
-  /// He is gone; until `from_ns` he may come back for what he holds.
-  void add(std::size_t who, TimeNs from_ns);
-  /// He has come back, or has nothing left.
-  void remove(std::size_t who);
-  bool has(std::size_t who) const;
-  bool empty() const { return all_.empty(); }
-  std::vector<std::size_t> all() const;
-
-  struct Step {
-    std::vector<std::size_t> land{};
-    bool give_back = false;  ///< all that he holds; then remove() him
-    bool last = false;       ///< whatever comes of that
-  };
-  /// Of one that is here, who holds that.
-  Step step(TimeNs now_ns, std::size_t who, const HeldDrones& held);
-
- private:
-  struct Gone {
-    std::size_t who;
-    TimeNs from_ns, until_ns;
-    TimeNs next_ns;  ///< then they are asked again to land
-  };
-  std::vector<Gone> all_;
 };
 
 }  // namespace ledgerline::ground::service

@@ -87,7 +87,7 @@ void FaultService::switch_one(const FaultRequest& asked, const Answer& answer) {
   if (!list_.why.empty() || what == list_.switches.end()) return answer(refusal(503, "not known: " + list_.why));
   const std::string words = words_of(asked, *what);
   spdlog::warn("{}{}{}", what->drone, what->drone.empty() ? "" : ": ", words);
-  tell_(asked.on ? Level::warning : Level::info, what->drone, words);
+  report_(asked.on ? Level::warning : Level::info, what->drone, words);
   answer({200, faults_text(list_)});
 }
 

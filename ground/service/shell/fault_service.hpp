@@ -17,10 +17,10 @@ class FaultService {
  public:
   using Answer = std::function<void(ApiAnswer)>;
   /// Something was switched; `drone`: whose, empty: of all. On the service's thread.
-  using Tell = std::function<void(Level level, const std::string& drone, std::string words)>;
+  using Report = std::function<void(Level level, const std::string& drone, std::string words)>;
   static constexpr std::size_t max_waiting = 8;  ///< twice as many to be switched off
 
-  FaultService(std::string socket, Tell tell) : socket_(std::move(socket)), tell_(std::move(tell)) {}
+  FaultService(std::string socket, Report report) : socket_(std::move(socket)), report_(std::move(report)) {}
   ~FaultService() { close(); }
 
   /// `publish`: the list has changed; on the service's thread. Once.
@@ -38,7 +38,7 @@ class FaultService {
   void apply(const Result<std::string>& answered);
 
   const std::string socket_;
-  const Tell tell_;
+  const Report report_;
   std::function<void(FaultList)> publish_;
   FaultList list_;  ///< the thread's, as published last
   bool published_ = false;

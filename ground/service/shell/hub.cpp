@@ -33,15 +33,15 @@ void Connections::make_room() {
   unauthenticated_.assign(here.begin(), here.end());
 }
 
-Hub::Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Behind behind, TimeNs session_idle_ns)
+Hub::Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Handlers handlers, TimeNs session_idle_ns)
     : names_(std::move(drones)),
       greeting_(greeting),
-      behind_(std::move(behind)),
-      operators_(behind_.keys ? behind_.keys->operators() : std::vector<Operator>()),
+      handlers_(std::move(handlers)),
+      operators_(handlers_.keys ? handlers_.keys->operators() : std::vector<Operator>()),
       sign_ins_(operators_.size(), session_idle_ns) {}
 
 void Hub::expire(TimeNs now) {
-  for (const std::size_t who : sign_ins_.expire(now)) behind_.keys->on_session_over(who);
+  for (const std::size_t who : sign_ins_.expire(now)) handlers_.keys->on_session_over(who);
 }
 
 void Hub::publish(BoardState board) {
@@ -84,7 +84,7 @@ void Hub::notify() {
                    listeners_.end());
   streams_ = listeners_.size();
   for (const auto& one : listeners_) {
-    if (const auto listener = one.lock()) listener->news();
+    if (const auto listener = one.lock()) listener->on_update();
   }
 }
 

@@ -63,17 +63,17 @@ class Connections {
 /// only, but for streams().
 class Hub {
  public:
-  Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Behind behind, TimeNs session_idle_ns);
+  Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Handlers handlers, TimeNs session_idle_ns);
 
   void publish_blocks(const std::vector<BlockSummary>& blocks);
   const std::deque<BlockSummary>& blocks() const { return blocks_; }
   std::uint64_t newest_block() const { return blocks_.empty() ? 0 : blocks_.back().number; }
 
-  /// Somebody who is notified of news.
+  /// Somebody who is notified of updates.
   class Listener {
    public:
     virtual ~Listener() = default;
-    virtual void news() = 0;
+    virtual void on_update() = 0;
   };
 
   void publish(BoardState board);
@@ -94,30 +94,35 @@ class Hub {
             .paths = paths_,
             .events = events_,
             .operators = operators_,
-            .faults = behind_.request_fault ? &faults_ : nullptr,
+            .faults = handlers_.request_fault ? &faults_ : nullptr,
             .aloft = newest_.aloft,
             .stopped = newest_.stopped,
             .stopped_by_ground = newest_.stopped_by_ground,
+            .leases = newest_.leases,
+            .phases = newest_.phases,
+            .manual = greeting_.manual,
+            .fence = greeting_.fence ? &*greeting_.fence : nullptr,
+            .height_m = greeting_.height_m,
             .now_ns = monotonic_ns()};
   }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
   /// The newest event that cannot be sent any more; 0: all can.
   std::uint64_t forgotten_event() const { return events_.empty() ? 0 : events_.front().number - 1; }
-  /// What a client is sent whenever it is another one than it had; null: there is none yet.
+  /// The newest message of each kind, sent to a client when it is not the one it had last; null: there is none yet.
   struct Messages {
     std::shared_ptr<const std::string> paths{}, missions{}, faults{}, state{};
   };
   const Messages& messages() const { return messages_; }
   std::string greeting() const;
-  Status post_command(const PilotCommand& command) const { return behind_.take(command); }
+  Status post_command(const PilotCommand& command) const { return handlers_.take(command); }
 
   Connections& connections() { return connections_; }
   SignIns& sign_ins() { return sign_ins_; }
   const std::vector<Operator>& operators() const { return operators_; }
-  OperatorKeys& keys() { return *behind_.keys; }
-  const auto& request_mission() const { return behind_.request_mission; }
-  const auto& request_fault() const { return behind_.request_fault; }
+  OperatorKeys& keys() { return *handlers_.keys; }
+  const auto& request_mission() const { return handlers_.request_mission; }
+  const auto& request_fault() const { return handlers_.request_fault; }
   /// Ends the sessions that were idle for too long.
   void expire(TimeNs now);
 
@@ -130,7 +135,7 @@ class Hub {
   const std::vector<std::string> names_;
   const Greeting greeting_;
   const TimeNs started_ns_ = realtime_ns();
-  const Server::Behind behind_;
+  const Server::Handlers handlers_;
   const std::vector<Operator> operators_;
   SignIns sign_ins_;
   Connections connections_;

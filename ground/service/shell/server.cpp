@@ -26,10 +26,10 @@ using asio::ip::tcp;
 
 class BeastServer final : public Server {
  public:
-  BeastServer(std::vector<std::string> drones, const Greeting& greeting, const Behind& behind, TimeNs session_idle_ns,
-              std::optional<web::RenewedTls> tls)
-      : hub_(std::move(drones), greeting, behind, session_idle_ns),
-        tell_(behind.tell),
+  BeastServer(std::vector<std::string> drones, const Greeting& greeting, const Handlers& handlers,
+              TimeNs session_idle_ns, std::optional<web::RenewedTls> tls)
+      : hub_(std::move(drones), greeting, handlers, session_idle_ns),
+        report_(handlers.report),
         tls_(std::move(tls)),
         acceptor_(io_),
         again_(io_),
@@ -115,12 +115,12 @@ class BeastServer final : public Server {
 
   void renew_tls() {
     if (!tls_) return;
-    if (const auto news = tls_->renew()) {
-      near_end_said_ = near_end_said_ && !*news;
-      if (*news)
+    if (const auto renewed = tls_->renew()) {
+      near_end_said_ = near_end_said_ && !*renewed;
+      if (*renewed)
         report(Level::info, "ground's page has a new TLS certificate");
       else
-        report(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().message);
+        report(Level::warning, "ground's page keeps its old TLS certificate: " + renewed->error().message);
     }
     // A user who cannot open the page cannot press its stop.
     if (near_end_said_ || tls_->days_left() >= crypto::renew_within_days) return;
@@ -133,7 +133,7 @@ class BeastServer final : public Server {
 
   void report(Level level, const std::string& words) {
     spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}", words);
-    if (tell_) tell_(level, words);
+    if (report_) report_(level, words);
   }
 
   void accept() {
@@ -159,7 +159,7 @@ class BeastServer final : public Server {
 
   // Before io_, whose end ends the connections that are still open: they speak to both.
   Hub hub_;
-  const std::function<void(Level, std::string)> tell_;
+  const std::function<void(Level, std::string)> report_;
   std::optional<web::RenewedTls> tls_;
   std::optional<Guard> guard_;
   asio::io_context io_{1};
@@ -174,7 +174,7 @@ class BeastServer final : public Server {
 }  // namespace
 
 Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, std::vector<std::string> drones,
-                                              const Greeting& greeting, Behind behind) {
+                                              const Greeting& greeting, Handlers handlers) {
   if (const auto faults = faults_of(settings); !faults.empty())
     return Error{fmt::format("[service] {} {}", faults[0].key, faults[0].what)};
   const auto token = read_token(settings.token_file);
@@ -186,7 +186,7 @@ Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, s
     tls = std::move(*opened);
   }
   auto server =
-      std::make_unique<BeastServer>(std::move(drones), greeting, behind, settings.session_idle_ns, std::move(tls));
+      std::make_unique<BeastServer>(std::move(drones), greeting, handlers, settings.session_idle_ns, std::move(tls));
   if (auto status = server->listen(settings, *token); !status) return status.error();
   return std::unique_ptr<Server>(std::move(server));
 }

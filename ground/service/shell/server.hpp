@@ -19,9 +19,9 @@ Result<std::string> read_token(const std::string& file);
 /// What a client of the stream hears first.
 struct Greeting {
   bool manual = false;
-  double speed_mps = 0;
+  double speed_mps = 0, height_m = 1;
   TimeNs cmd_timeout_ns = 0;
-  std::optional<mission::Fence> fence{};  ///< that missions are checked against; nothing: none is known
+  std::optional<mission::Fence> fence{};  ///< of missions and paths; nothing: none is known
 };
 
 /// The operators' keys, behind the station. Called on the server's thread.
@@ -40,13 +40,13 @@ class OperatorKeys {
 
 /// HTTP and WebSocket, with or without TLS, for page, command line and scripts, on a thread of its own: whatever
 /// clients do, the flight's thread only hands over two texts. A client gets the newest state, and every event in order;
-/// one that does not read keeps nothing but its place, and is closed when it is max_events behind.
+/// one that does not read is closed when it is max_events behind.
 class Server {
  public:
   static constexpr std::size_t max_events = 1000;
   /// What stands behind it, and must outlive it; an answer behind the server's end is dropped. Called on the server's
   /// thread.
-  struct Behind {
+  struct Handlers {
     /// A pilot's word; the error says why it is not taken now.
     std::function<Status(const PilotCommand&)> take;
     OperatorKeys* keys = nullptr;  ///< null: nobody signs in
@@ -55,12 +55,12 @@ class Server {
     /// A fault is to be switched; `answer` comes once, on any thread. Null: there are none.
     std::function<void(FaultRequest asked, std::function<void(ApiAnswer)> answer)> request_fault{};
     /// Something that people should know of the service itself. Null: the log alone has it.
-    std::function<void(Level level, std::string words)> tell{};
+    std::function<void(Level level, std::string words)> report{};
   };
 
   /// Listens.
   static Result<std::unique_ptr<Server>> start(const ServiceSettings& settings, std::vector<std::string> drones,
-                                               const Greeting& greeting, Behind behind);
+                                               const Greeting& greeting, Handlers handlers);
   virtual ~Server() = default;
 
   /// Any thread; does not wait for clients.

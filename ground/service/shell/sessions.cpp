@@ -193,13 +193,13 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     }
     Guard::Admission admission = admission_of(head);
     keep_place(admission, Places::Use::request);
-    if (admission.refused.status != 0 && !admission.over) return respond(request, admission.refused);
+    if (admission.refused.status != 0 && !admission.session_ended) return respond(request, admission.refused);
     const TimeNs now = monotonic_ns();
     ApiRequest asked{.method = view(request.method_string()),
                      .target = target,
                      .body = request.body(),
                      .content_type = view(request[http::field::content_type]),
-                     .over = admission.over};
+                     .session_ended = admission.session_ended};
     if (admission.session) asked.who = admission.session->who;
     ApiAnswer made = answer(asked, hub_.known());
     if (target == "/api/v1/session") wipe_body();

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "common/rt/clock.hpp"
-#include "ground/service/core/api.hpp"
 #include "ground/service/core/guard.hpp"
+#include "ground/service/core/stream_messages.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -43,7 +43,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     });
   }
 
-  void news() override {
+  void on_update() override {
     // A page that is open keeps its operator signed in.
     if (session_ && !closing_ && !hub_.sign_ins().touch(monotonic_ns(), *session_)) close("the session is over");
     if (writing_ || closing_) {
@@ -87,7 +87,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     socket_.async_write(buffer,
                         [self = shared_from_this(), text = std::move(text)](beast::error_code error, std::size_t) {
                           self->writing_ = false;
-                          if (!error) self->news();
+                          if (!error) self->on_update();
                         });
   }
 
@@ -105,7 +105,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     buffer_.consume(buffer_.size());
     const bool in_budget = budget_.spend(now);
     const bool in_session = session_ && hub_.sign_ins().touch(now, *session_);
-    StreamClient client{.over = session_ && !in_session};
+    StreamClient client{.session_ended = session_ && !in_session};
     if (in_session) client.who = session_->who;
     auto said = read_stream_message(text, client, hub_.known(), now);
     if (!said) return close(said.error().message);
@@ -138,7 +138,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     if (!command.id) return;
     if (answers_.size() == max_answers) answers_.pop_front();
     answers_.push_back(answer_message(*command.id, command.made));
-    news();
+    on_update();
   }
 
   // What it wrote wrong it would write wrong again; the words are in the close frame.

@@ -52,9 +52,10 @@ constexpr auto invariant_names = std::to_array<std::string_view>({
 static_assert(invariant_names.size() == which::count);
 
 // Where link takes it to be, beside the truth.
-std::string estimated(const DroneObservation& facts) {
-  if (!facts.pose) return {};
-  return fmt::format(", by its pose at {:.2f}, {:.2f} m", facts.pose->position_m[0], facts.pose->position_m[1]);
+std::string estimated(const DroneObservation& observation) {
+  if (!observation.pose) return {};
+  return fmt::format(", by its pose at {:.2f}, {:.2f} m", observation.pose->position_m[0],
+                     observation.pose->position_m[1]);
 }
 
 /// Since when something has been so, which is kept in `since_ns` (0: it is not); `now` where it is not.
@@ -86,12 +87,13 @@ void Invariants::observe(const Moment& moment) {
 }
 
 void Invariants::check_cut(const Moment& moment, std::size_t index) {
-  const DroneObservation& facts = moment.drones[index];
-  const bool upright = facts.truth.in_flight && !facts.truth.crashed && facts.truth.tilt_rad < upright_rad;
+  const DroneObservation& observation = moment.drones[index];
+  const bool upright =
+      observation.truth.in_flight && !observation.truth.crashed && observation.truth.tilt_rad < upright_rad;
   if (upright && !excuse_of(moment, index).cut)
     broke(which::upright, moment.now,
-          fmt::format("{}: tilted by {:.2f} rad at {:.2f} m", facts.name, facts.truth.tilt_rad,
-                      facts.truth.position_m[2]));
+          fmt::format("{}: tilted by {:.2f} rad at {:.2f} m", observation.name, observation.truth.tilt_rad,
+                      observation.truth.position_m[2]));
 }
 
 void Invariants::check_order(const Moment& moment) {
@@ -103,50 +105,50 @@ void Invariants::check_order(const Moment& moment) {
       }
     }
     const bool handed = event.kind == WorldEvent::Kind::handed;
-    const DroneObservation& facts = moment.drones[event.drone];
+    const DroneObservation& observation = moment.drones[event.drone];
     // Else it may be a stop, whose sequence is nobody's.
-    const bool applied = event.kind == WorldEvent::Kind::applied && facts.phase == FlightPhase::flying &&
-                         facts.mode < FailsafeMode::land;
+    const bool applied = event.kind == WorldEvent::Kind::applied && observation.phase == FlightPhase::flying &&
+                         observation.mode < FailsafeMode::land;
     if ((!handed && !applied) || event.sequence == 0) continue;
     std::uint64_t& newest = handed ? drones_[event.drone].handed : drones_[event.drone].applied;
     if (event.sequence <= newest)
       broke(which::order, moment.now,
-            fmt::format("{}: {} {} after {}", facts.name, handed ? "agent hands on" : "link flies", event.sequence,
-                        newest));
+            fmt::format("{}: {} {} after {}", observation.name, handed ? "agent hands on" : "link flies",
+                        event.sequence, newest));
     newest = event.sequence;
   }
 }
 
 void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested) {
-  const DroneObservation& facts = moment.drones[index];
+  const DroneObservation& observation = moment.drones[index];
   Drone& drone = drones_[index];
-  const double changed = distance_m(facts.sent, drone.sent);
-  const double limit = limits_.sent_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
+  const double changed = distance_m(observation.sent, drone.sent);
+  const double limit = limits_.sent_mps2 * (observation.mode == FailsafeMode::brake ? 2 : 1);
   drone.may_change_mps =
       std::min(sent_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
   drone.looked_ns = moment.now;
-  drone.sent = facts.sent;
+  drone.sent = observation.sent;
   if (!rested) return;
   drone.may_change_mps -= changed;
   if (drone.may_change_mps < 0)
-    broke(which::ramps, moment.now, fmt::format("{}: sent {:.2f} m/s more or less at once", facts.name, changed));
+    broke(which::ramps, moment.now, fmt::format("{}: sent {:.2f} m/s more or less at once", observation.name, changed));
 }
 
 void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies) {
-  const DroneObservation& facts = moment.drones[index];
+  const DroneObservation& observation = moment.drones[index];
   Drone& drone = drones_[index];
-  if (facts.mode == FailsafeMode::brake || !flies) {
+  if (observation.mode == FailsafeMode::brake || !flies) {
     drone.braked = flies;
-    drone.plans_at_brake = facts.plans_given;
+    drone.plans_at_brake = observation.plans_given;
   }
-  if (drone.braked && facts.plans_given == drone.plans_at_brake && facts.mode == FailsafeMode::none &&
-      facts.sent_mps > 0)
+  if (drone.braked && observation.plans_given == drone.plans_at_brake && observation.mode == FailsafeMode::none &&
+      observation.sent_mps > 0)
     broke(which::old_plans, moment.now,
-          fmt::format("{}: sent {:.2f} m/s after its brake, and no plan came", facts.name, facts.sent_mps));
+          fmt::format("{}: sent {:.2f} m/s after its brake, and no plan came", observation.name, observation.sent_mps));
 }
 
-bool Invariants::check_blind(const DroneObservation& facts, const Moment::Excuse& excuse, Drone& drone) {
-  const auto& at = facts.truth.position_m;
+bool Invariants::check_blind(const DroneObservation& observation, const Moment::Excuse& excuse, Drone& drone) {
+  const auto& at = observation.truth.position_m;
   if (!excuse.blind) {
     drone.blind_from_m.reset();
     drone.may_run = false;
@@ -154,8 +156,8 @@ bool Invariants::check_blind(const DroneObservation& facts, const Moment::Excuse
   }
   if (!drone.blind_from_m || excuse.deaf) drone.blind_from_m = {at[0], at[1]};
   drone.may_run = drone.may_run || excuse.deaf || excuse.misled || excuse.steered;
-  if (facts.pose) {
-    const double off = std::hypot(facts.pose->position_m[0] - at[0], facts.pose->position_m[1] - at[1]);
+  if (observation.pose) {
+    const double off = std::hypot(observation.pose->position_m[0] - at[0], observation.pose->position_m[1] - at[1]);
     drone.misled_m = std::max(drone.misled_m, std::min(off, blind_way_m));
   }
   return std::hypot(at[0] - (*drone.blind_from_m)[0], at[1] - (*drone.blind_from_m)[1]) <= blind_way_m;
@@ -163,15 +165,15 @@ bool Invariants::check_blind(const DroneObservation& facts, const Moment::Excuse
 
 // Speed, height, place.
 void Invariants::check_limits(const Moment& moment, std::size_t index) {
-  const DroneObservation& facts = moment.drones[index];
+  const DroneObservation& observation = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
-  const auto& at = facts.truth.position_m;
-  if (!facts.truth.in_flight || facts.truth.crashed) return;
-  const bool within_way = check_blind(facts, excuse, drone);
+  const auto& at = observation.truth.position_m;
+  if (!observation.truth.in_flight || observation.truth.crashed) return;
+  const bool within_way = check_blind(observation, excuse, drone);
   const double max_mps = drone.may_run ? std::max(blind_mps, limits_.speed_mps) : limits_.speed_mps;
-  if (const double speed = length_of(facts.truth.velocity_mps); speed > max_mps && !excuse.physical)
-    broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
+  if (const double speed = length_of(observation.truth.velocity_mps); speed > max_mps && !excuse.physical)
+    broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", observation.name, speed));
   const double high = std::max(0.0, at[2] - limits_.height_m);
   double far = 0;
   for (std::size_t i = 0; i < 2; ++i) far = std::max({far, limits_.min_m[i] - at[i], at[i] - limits_.max_m[i]});
@@ -182,62 +184,65 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
   }
   if (within_way) drone.far_m = far;
   const auto beyond = [](double now, double before) { return now > (before > 0 ? before + farther_m : 0); };
-  if (beyond(high, drone.high_m)) broke(which::too_high, moment.now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
+  if (beyond(high, drone.high_m))
+    broke(which::too_high, moment.now, fmt::format("{}: {:.2f} m", observation.name, at[2]));
   const double misled_m = excuse.blind && !within_way ? 0 : drone.misled_m;
   if (beyond(far, drone.far_m) && far > misled_m)
     broke(which::too_far, moment.now,
-          fmt::format("{}: at {:.2f}, {:.2f} m{}", facts.name, at[0], at[1], estimated(facts)));
+          fmt::format("{}: at {:.2f}, {:.2f} m{}", observation.name, at[0], at[1], estimated(observation)));
 }
 
 void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
-  const DroneObservation& facts = moment.drones[index];
+  const DroneObservation& observation = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
-  const bool is_lost = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
+  const bool is_lost =
+      moment.link_runs && observation.phase == FlightPhase::disconnected && observation.truth.in_flight;
   const TimeNs lost_for =
       moment.now - since(is_lost && !excuse.deaf && !excuse.physical, moment.now, drone.lost_since_ns);
-  const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
+  const double speed = std::hypot(observation.truth.velocity_mps[0], observation.truth.velocity_mps[1]);
   if (lost_for > lost_stops_ns && speed > lost_mps && !excuse.blind)
-    broke(which::lost_link, moment.now, fmt::format("{}: {:.2f} m/s, without state", facts.name, speed));
+    broke(which::lost_link, moment.now, fmt::format("{}: {:.2f} m/s, without state", observation.name, speed));
   if (lost_for > lost_down_ns)
     broke(which::lost_link, moment.now,
-          fmt::format("{}: without state and in the air for {:.0f} s", facts.name, to_seconds(lost_for)));
+          fmt::format("{}: without state and in the air for {:.0f} s", observation.name, to_seconds(lost_for)));
 }
 
 void Invariants::check_drone(const Moment& moment, std::size_t index) {
-  const DroneObservation& facts = moment.drones[index];
+  const DroneObservation& observation = moment.drones[index];
   Drone& drone = drones_[index];
   const TimeNs now = moment.now;
-  if (facts.truth.crashed && !excuse_of(moment, index).broken) broke(which::crash, now, facts.name + " turned over");
+  if (observation.truth.crashed && !excuse_of(moment, index).broken)
+    broke(which::crash, now, observation.name + " turned over");
   check_limits(moment, index);
   check_lost_link(moment, index);
 
-  const bool flies = moment.link_runs && facts.phase == FlightPhase::flying;
+  const bool flies = moment.link_runs && observation.phase == FlightPhase::flying;
   // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
   const bool rested = now - since(flies, now, drone.rested_since_ns) > 1'500 * ns_per_ms;
   check_ramp(moment, index, rested && !excuse_of(moment, index).spins);
   check_brake(moment, index, flies);
   if (flies) {
-    const TimeNs silent_since = std::max(facts.plan_end_ns, drone.rested_since_ns);
+    const TimeNs silent_since = std::max(observation.plan_end_ns, drone.rested_since_ns);
     const TimeNs silent_for = now - silent_since;
-    if (rested && silent_for > hold_within_ns && facts.mode == FailsafeMode::none) {
+    if (rested && silent_for > hold_within_ns && observation.mode == FailsafeMode::none) {
       broke(which::silent, now,
-            fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(silent_for)));
+            fmt::format("{}: {:.0f} ms after its plan's end no hold", observation.name, to_ms(silent_for)));
     }
-    if (rested && silent_for > hold_within_ns + ramp_ns && facts.sent_mps > 0) {
+    if (rested && silent_for > hold_within_ns + ramp_ns && observation.sent_mps > 0) {
       broke(which::silent, now,
-            fmt::format("{}: sent {:.2f} m/s {:.0f} ms after its plan's end", facts.name, facts.sent_mps,
+            fmt::format("{}: sent {:.2f} m/s {:.0f} ms after its plan's end", observation.name, observation.sent_mps,
                         to_ms(silent_for)));
     }
   }
   // A landing of the failsafe waits for room below, but not for ever.
-  const TimeNs waits_for = now - since(flies && facts.mode == FailsafeMode::land, now, drone.waits_since_ns);
+  const TimeNs waits_for = now - since(flies && observation.mode == FailsafeMode::land, now, drone.waits_since_ns);
   if (waits_for > landing_waits_ns)
-    broke(which::hovers, now, fmt::format("{} waits to land for {:.1f} s", facts.name, to_seconds(waits_for)));
-  const bool hovering = flies && (facts.mode == FailsafeMode::hold || facts.mode == FailsafeMode::brake);
+    broke(which::hovers, now, fmt::format("{} waits to land for {:.1f} s", observation.name, to_seconds(waits_for)));
+  const bool hovering = flies && (observation.mode == FailsafeMode::hold || observation.mode == FailsafeMode::brake);
   const TimeNs hovers_for = now - since(hovering, now, drone.hovering_since_ns);
   if (hovers_for > land_after_ns)
-    broke(which::hovers, now, fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(hovers_for)));
+    broke(which::hovers, now, fmt::format("{} hovers for {:.1f} s", observation.name, to_seconds(hovers_for)));
 }
 
 void Invariants::finish(const Ending& ending) {

@@ -13,10 +13,10 @@ namespace ledgerline::hil {
 ///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
 ///                               behind that fault's end (1 s behind the start of a link that was away); where it got
 ///                               meanwhile it may stay, but no farther than 0.5 m on.
-///                               All of it is the truth. One whose own velocity is lost may get blind_way_m away from
-///                               where that began or where it was deaf last, no faster than the others (steered
-///                               by motion capture, deaf or misled meanwhile: than blind_mps), and as far outside as it
-///                               is then wrong
+///                               All of it is the truth. A drone that lost its own velocity may drift at most
+///                               blind_way_m from where it lost it, or from where it was last deaf, and as far beyond
+///                               the limits as its estimate is wrong by then. Where motion capture still steers it, or
+///                               it is deaf or misled, its speed limit is blind_mps
 ///     no crash                  no drone turns over but one that a fault broke, and no process ends but by a fault
 ///     lost link                 a drone in the air that a running link does not see stands still after 1 s, but for
 ///                               one that is blind, and is down after 25 s: whatever became of the link before
@@ -55,7 +55,7 @@ class Invariants {
   static constexpr TimeNs landing_waits_ns = 10'500 * ns_per_ms;  ///< for room below: SeparationSettings, and 0.5 s
   static constexpr double farther_m = 0.5;                        ///< than where it got while it was deaf
   /// From where a drone's own velocity was lost. At 1 m/s it goes 0.5 m until that is noticed, and with the sticks at
-  /// zero 3 m until drag has stopped it or it is down. Half is no bound for that; with double it may run away for 5 s.
+  /// zero 3 m until drag has stopped it or it is down. Half would fail honest runs; double would pass a runaway of 5 s.
   static constexpr double blind_way_m = 5;
   /// Of one that motion capture steers all the same, in attitude mode by a ground that may be a second away, of one
   /// that keeps leaning because nobody can tell it not to, and of one whose texts hide that it is blind. Half is a fast
@@ -85,7 +85,7 @@ class Invariants {
   void check_drone(const Moment& moment, std::size_t drone);
   void check_limits(const Moment& moment, std::size_t drone);
   /// Whether it is blind and still within its physical bound.
-  static bool check_blind(const DroneObservation& facts, const Moment::Excuse& excuse, Drone& drone);
+  static bool check_blind(const DroneObservation& observation, const Moment::Excuse& excuse, Drone& drone);
   void check_lost_link(const Moment& moment, std::size_t drone);
   void check_ramp(const Moment& moment, std::size_t drone, bool rested);
   void check_brake(const Moment& moment, std::size_t drone, bool flies);

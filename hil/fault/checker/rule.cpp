@@ -7,6 +7,7 @@
 #include <array>
 
 #include "common/base/enum_count.hpp"
+#include "common/base/nearest_word.hpp"
 #include "common/msg/names.hpp"
 #include "hil/netem/text_parse.hpp"
 
@@ -112,7 +113,11 @@ Result<Rule> parse_rule(std::string_view sentence) {
     rule.kind = &kind;
     return rule;
   }
-  return Error{fmt::format("\"{}\" is no rule; there are\n{}", rule.text, rule_help())};
+  std::vector<std::string> forms;
+  for (const RuleKind& kind : rule_kinds()) forms.push_back(form_of(kind));
+  const std::string near = nearest_word(rule.text, forms);
+  return Error{fmt::format("\"{}\" is no rule{} (`ledgerline fault list rules`)", rule.text,
+                           near.empty() ? "" : fmt::format(": did you mean \"{}\"?", near))};
 }
 
 void Verdict::broke(TimeNs now, std::string seen) {

@@ -26,7 +26,7 @@ struct Moment {
     bool blind = false;     ///< its own velocity is lost: it cannot know how far it goes, but physics bounds that
     bool misled = false;    ///< what it says of its own motion may be wrong
     bool steered = false;   ///< blind, and motion capture steers it all the same
-    bool spins = false;     ///< broken: its pose is older than the heading that rc is said by
+    bool spins = false;     ///< broken and spinning: its pose is older than the heading that rc was computed for
     bool deaf = false;      ///< it is sent nothing, or it may not get there: it goes by what it heard last
   };
   std::span<const Excuse> excuses{};
@@ -78,9 +78,9 @@ struct Rule {
   std::optional<FailsafeCause> cause{};
   std::string command{};
 };
-/// The error says which sentences there are.
+/// The error says which sentence may be meant.
 Result<Rule> parse_rule(std::string_view sentence);
-/// All kinds of sentences, one a line, for help and errors.
+/// All kinds of sentences, one a line, for help.
 std::string rule_help();
 
 /// Whether a rule held; the first time that it did not counts.
@@ -99,6 +99,7 @@ struct RuleState {
   Verdict verdict;
   bool seen = false;
   bool waits = false;                 ///< a drone of the first fault is not yet `done`
+  std::optional<TimeNs> from_ns{};    ///< what its time counts from; nothing: that was not yet
   std::vector<bool> done{};           ///< by drone
   std::vector<std::size_t> counts{};  ///< by drone
   bool all_done() const;

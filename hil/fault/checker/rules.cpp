@@ -17,6 +17,10 @@ bool longer(TimeNs duration, double seconds) { return duration > std::llround(se
 
 const DroneObservation& of(const Sight& sight, std::size_t drone) { return sight.moment.drones[drone]; }
 
+bool has_landed(const Sight& sight, std::size_t drone) {
+  return sight.flew[drone] && on_ground(of(sight, drone).truth);
+}
+
 void finishes(RuleState& state, const Ending& ending) {
   if (!ending.ok) state.verdict.broke(ending.now, ending.why.empty() ? "not finished" : ending.why);
 }
@@ -26,22 +30,45 @@ void recovers(RuleState& state, const Ending& ending) {
   if (!state.all_done()) state.verdict.broke(ending.now, "its plan was never flown again");
 }
 
+/// Behind what was not done in time: what the time counts from, and whether the drone could do it no more.
+std::string counted_from(std::string_view what, TimeNs from_ns, bool landed) {
+  return fmt::format(", counted from {} at {:.3f} s{}", what, to_seconds(from_ns),
+                     landed ? "; it had landed by then" : "");
+}
+
 void never(RuleState& state, const Ending& ending) { state.verdict.broke(ending.now, "never"); }
 
 void flies_again(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  if (sight.moment.last_fault_end_ns && facts.mode == FailsafeMode::none && facts.sent_ns != 0 &&
-      facts.plan_end_ns > sight.moment.now)
+  const DroneObservation& observation = of(sight, drone);
+  if (sight.moment.last_fault_end_ns && observation.mode == FailsafeMode::none && observation.sent_ns != 0 &&
+      observation.plan_end_ns > sight.moment.now)
     state.done[drone] = true;
 }
 
 void resumes(RuleState& state, const Sight& sight, std::size_t drone) {
   flies_again(state, sight, drone);
-  const auto& from = sight.moment.last_fault_end_ns;
-  if (from && !state.done[drone] && longer(sight.moment.now - *from, state.verdict.rule.amount))
+  const auto& from = state.from_ns = sight.moment.last_fault_end_ns;
+  if (!from || state.done[drone]) return;
+  const bool landed = has_landed(sight, drone);
+  state.counts[drone] = landed ? 1 : 0;
+  if (longer(sight.moment.now - *from, state.verdict.rule.amount))
     state.verdict.broke(sight.moment.now,
-                        fmt::format("{}: not within {:g} s", of(sight, drone).name, state.verdict.rule.amount));
+                        fmt::format("{}: not within {:g} s{}", of(sight, drone).name, state.verdict.rule.amount,
+                                    counted_from("the last fault's end", *from, landed)));
 }
+
+// A run may end before the time is up.
+void resumed(RuleState& state, const Ending& ending) {
+  const auto waiting = std::ranges::find(state.done, false);
+  if (waiting == state.done.end()) return;
+  if (!state.from_ns) return state.verdict.broke(ending.now, "never: the faults had not ended");
+  const auto drone = static_cast<std::size_t>(waiting - state.done.begin());
+  state.verdict.broke(ending.now,
+                      fmt::format("tello{}: never{}", drone + 1,
+                                  counted_from("the last fault's end", *state.from_ns, state.counts[drone] > 0)));
+}
+
+constexpr std::string_view first_beginning = "the first fault's beginning";
 
 bool is_named(const Moment& moment, std::size_t drone) {
   const auto& named = moment.first_fault_drones;
@@ -55,9 +82,11 @@ void within(RuleState& state, const Sight& sight, std::size_t drone, bool does) 
   if (sight.flew[drone] && does) state.done[drone] = state.seen = true;
   if (state.done[drone]) return;
   state.waits = true;
+  state.from_ns = moment.first_fault_ns;
   if (longer(moment.now - *moment.first_fault_ns, state.verdict.rule.amount))
     state.verdict.broke(moment.now,
-                        fmt::format("{}: not within {:g} s", of(sight, drone).name, state.verdict.rule.amount));
+                        fmt::format("{}: not within {:g} s{}", of(sight, drone).name, state.verdict.rule.amount,
+                                    counted_from(first_beginning, *moment.first_fault_ns, has_landed(sight, drone))));
 }
 
 template <FailsafeMode mode>
@@ -70,21 +99,23 @@ void lands(RuleState& state, const Sight& sight, std::size_t drone) {
 }
 
 void was_done_by_all(RuleState& state, const Ending& ending) {
-  if (!state.seen || state.waits) never(state, ending);
+  if (state.seen && !state.waits) return;
+  state.verdict.broke(ending.now, state.from_ns ? "never" + counted_from(first_beginning, *state.from_ns, false)
+                                                : "never: no fault had begun");
 }
 
 void hold_after_plan(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  const TimeNs since = sight.moment.now - facts.plan_end_ns;
-  if (sight.moment.link_runs && facts.phase == FlightPhase::flying && facts.plan_end_ns != 0 &&
-      longer(since, state.verdict.rule.amount) && facts.mode == FailsafeMode::none)
+  const DroneObservation& observation = of(sight, drone);
+  const TimeNs since = sight.moment.now - observation.plan_end_ns;
+  if (sight.moment.link_runs && observation.phase == FlightPhase::flying && observation.plan_end_ns != 0 &&
+      longer(since, state.verdict.rule.amount) && observation.mode == FailsafeMode::none)
     state.verdict.broke(sight.moment.now,
-                        fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(since)));
+                        fmt::format("{}: {:.0f} ms after its plan's end no hold", observation.name, to_ms(since)));
 }
 
-bool shows(const Rule& rule, const DroneObservation& facts) {
-  return in_flight(facts.phase) &&
-         ((rule.mode && facts.mode == *rule.mode) || (rule.cause && facts.cause == *rule.cause));
+bool shows(const Rule& rule, const DroneObservation& observation) {
+  return is_in_flight(observation.phase) &&
+         ((rule.mode && observation.mode == *rule.mode) || (rule.cause && observation.cause == *rule.cause));
 }
 
 void is_seen(RuleState& state, const Sight& sight, std::size_t drone) {
@@ -92,8 +123,8 @@ void is_seen(RuleState& state, const Sight& sight, std::size_t drone) {
 }
 
 void is_never_seen(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  if (shows(state.verdict.rule, facts)) state.verdict.broke(sight.moment.now, facts.name);
+  const DroneObservation& observation = of(sight, drone);
+  if (shows(state.verdict.rule, observation)) state.verdict.broke(sight.moment.now, observation.name);
 }
 
 void was_seen(RuleState& state, const Ending& ending) {
@@ -125,11 +156,21 @@ void always_trusted(RuleState& state, const Moment& moment, const WorldEvent& ev
   if (event.kind == WorldEvent::Kind::untrusted) state.verdict.broke(moment.now, event.text);
 }
 
+/// With three decimals, or as many as tell it from the limit: "path within 0.4 m: 0.400 m" would look held.
+std::string beyond(double measured, double limit) {
+  constexpr int min_digits = 3, max_digits = 9;
+  const auto text = [](double value, int digits) { return fmt::format("{:.{}f}", value, digits); };
+  int digits = min_digits;
+  while (digits < max_digits && text(measured, digits) == text(limit, digits)) ++digits;
+  return text(measured, measured == limit ? min_digits : digits);
+}
+
 /// `measured`: of a drone; it is what the broken rule says was seen.
 void check_measure(RuleState& state, const Sight& sight, std::size_t drone, double measured, bool breaks,
                    std::string_view unit) {
   if (breaks)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.3f} {}", of(sight, drone).name, measured, unit));
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {} {}", of(sight, drone).name,
+                                                      beyond(measured, state.verdict.rule.amount), unit));
 }
 
 void height(RuleState& state, const Sight& sight, std::size_t drone) {
@@ -149,13 +190,14 @@ void path(RuleState& state, const Sight& sight, std::size_t drone) {
 
 // `counts`: corners that it came to in their order, from the one behind the first, laps counted on.
 void visits(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  const auto& corners = facts.corners;
+  const DroneObservation& observation = of(sight, drone);
+  const auto& corners = observation.corners;
   std::size_t& count = state.counts[drone];
-  state.done[drone] = corners.empty() || count >= corners.size() * static_cast<std::size_t>(facts.laps);
-  if (state.done[drone] || !facts.truth.in_flight) return;
+  state.done[drone] = corners.empty() || count >= corners.size() * static_cast<std::size_t>(observation.laps);
+  if (state.done[drone] || !observation.truth.in_flight) return;
   const auto& next = corners[(count + 1) % corners.size()];
-  if (std::hypot(facts.truth.position_m[0] - next[0], facts.truth.position_m[1] - next[1]) <= state.verdict.rule.amount)
+  if (std::hypot(observation.truth.position_m[0] - next[0], observation.truth.position_m[1] - next[1]) <=
+      state.verdict.rule.amount)
     ++count;
 }
 
@@ -168,41 +210,43 @@ void visited_all(RuleState& state, const Ending& ending) {
 }
 
 void estimate(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  if (!facts.pose || facts.phase != FlightPhase::flying) return;
-  const double off = distance_m(facts.pose->position_m, facts.truth.position_m);
+  const DroneObservation& observation = of(sight, drone);
+  if (!observation.pose || observation.phase != FlightPhase::flying) return;
+  const double off = distance_m(observation.pose->position_m, observation.truth.position_m);
   check_measure(state, sight, drone, off, off > state.verdict.rule.amount, "m off");
 }
 
 void fence(RuleState& state, const Sight& sight, std::size_t drone) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const double at = of(sight, drone).truth.position_m[axis];
-    const double beyond = std::max(sight.limits.fence_min_m[axis] - at, at - sight.limits.fence_max_m[axis]);
-    check_measure(state, sight, drone, beyond, beyond > state.verdict.rule.amount, "m beyond it");
+    const double outside = std::max(sight.limits.fence_min_m[axis] - at, at - sight.limits.fence_max_m[axis]);
+    check_measure(state, sight, drone, outside, outside > state.verdict.rule.amount, "m beyond it");
   }
 }
 
 // On the ground they stand where they were put.
 void apart(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
+  const DroneObservation& observation = of(sight, drone);
   for (const DroneObservation& other : sight.moment.drones.first(drone)) {
-    if (on_ground(facts.truth) && on_ground(other.truth)) continue;
-    const double distance = distance_m(facts.truth.position_m, other.truth.position_m);
+    if (on_ground(observation.truth) && on_ground(other.truth)) continue;
+    const double distance = distance_m(observation.truth.position_m, other.truth.position_m);
     if (distance < state.verdict.rule.amount)
-      state.verdict.broke(sight.moment.now, fmt::format("{} and {}: {:.2f} m", facts.name, other.name, distance));
+      state.verdict.broke(sight.moment.now, fmt::format("{} and {}: {} m", observation.name, other.name,
+                                                        beyond(distance, state.verdict.rule.amount)));
   }
 }
 
 // `done`: it has flown, and landed.
 void takes_off_once(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  if (on_ground(facts.truth) && sight.flew[drone]) state.done[drone] = true;
-  if (state.done[drone] && facts.truth.in_flight) state.verdict.broke(sight.moment.now, facts.name + " took off again");
+  const DroneObservation& observation = of(sight, drone);
+  if (on_ground(observation.truth) && sight.flew[drone]) state.done[drone] = true;
+  if (state.done[drone] && observation.truth.in_flight)
+    state.verdict.broke(sight.moment.now, observation.name + " took off again");
 }
 
 void no_crash(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  if (facts.truth.crashed) state.verdict.broke(sight.moment.now, facts.name + " turned over");
+  const DroneObservation& observation = of(sight, drone);
+  if (observation.truth.crashed) state.verdict.broke(sight.moment.now, observation.name + " turned over");
 }
 
 void no_crashed_process(RuleState& state, const Ending& ending) {
@@ -263,10 +307,7 @@ constexpr RuleKind table[] = {
      .takes = Takes::time,
      .help = "of the last fault's end: the plan is flown again",
      .observe = resumes,
-     .finish =
-         [](RuleState& state, const Ending& ending) {
-           if (!state.all_done()) never(state, ending);
-         },
+     .finish = resumed,
      .needs_fault = true,
      .needs_fault_end = true,
      .needs_link = true},

@@ -115,7 +115,7 @@ Result<FaultActs> sensor(const ParsedText& parsed) {
   if (!fault) return fault.error();
   FaultActs acts = switched(&Effects::OfDrone::sensors, *fault, parsed.text);
   // A text that says the wrong velocity or heading, up to the other way round: all but the battery's.
-  acts.misleads_mps = parsed.rest.starts_with("bat") ? 0 : 2 * rc_full_mps;
+  acts.misleads_mps = fault->field == "bat" ? 0 : 2 * rc_full_mps;
   return acts;
 }
 
@@ -219,6 +219,7 @@ constexpr FaultKind drone_table[] = {
     {"mocap NAME turn DEGREES", mocap_turn},
     {"mocap NAME noise METRES", mocap_noise},
     {"mocap NAME every TIME", mocap_every},
+    // EFFECTS are impairments of the traffic: delays, losses and so on.
     {"mocap NAME EFFECTS...", mocap_effects},
     {"wind X Y Z", wind},
     {"sdk NAME answers|states WHAT...", sdk},

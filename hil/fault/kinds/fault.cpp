@@ -8,6 +8,7 @@
 #include <cctype>
 #include <utility>
 
+#include "common/base/nearest_word.hpp"
 #include "hil/netem/distribution.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/netem/text_parse.hpp"
@@ -106,7 +107,7 @@ namespace {
 void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
   port.cut(now, effects.cut);
   port.stale(effects.stale);
-  port.set_tampering(effects.lie);
+  port.set_tampering(effects.tampering);
   port.serve(effects.serves);
   port.order(effects.orders);
   port.slip(effects.slip);
@@ -119,7 +120,7 @@ void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
 }  // namespace
 
 void Effects::apply_to(SimulatedWorld& world) const {
-  world.relay().set_tampering(relay ? relay->lie : RelayTampering::none);
+  world.relay().set_tampering(relay ? relay->tampering : RelayTampering::none);
   if (relay) world.relay().compared(relay->compared);
   world.stall_ledger(ledger_stalled);
   for (const Process process : {Process::agent, Process::link, Process::ground}) {
@@ -183,6 +184,18 @@ FaultKind::ParsedText parse_form(const std::string& text, const FaultKind& kind)
   return parsed;
 }
 
+/// That a fault may begin with.
+std::vector<std::string> first_words(bool real) {
+  std::vector<std::string> first;
+  for (const FaultKind* kind : fault_kinds()) {
+    if (kind->real_only && !real) continue;
+    for (const std::string_view word : split(words_of(kind->form)[0], '|')) {
+      if (std::ranges::find(first, word) == first.end()) first.emplace_back(word);
+    }
+  }
+  return first;
+}
+
 }  // namespace
 
 std::vector<const FaultKind*> fault_kinds() {
@@ -206,10 +219,12 @@ Result<const FaultKind*> kind_of(std::string_view text, bool real) {
     best = rank;
     nearest.push_back(kind);
   }
-  if (nearest.empty())
-    return wrong(text,
-                 "must begin with drone, sdk, sensor, mocap, pads, wind, ledger, agent, link, ground, clock, operator, "
-                 "supervisor or outsider");
+  if (nearest.empty()) {
+    const std::vector<std::string> first = first_words(real);
+    const std::string near = words.empty() ? "" : nearest_word(std::string(words[0]), first);
+    return wrong(text, fmt::format("must begin with {}{}", fmt::join(first, ", "),
+                                   near.empty() ? "" : fmt::format(": did you mean {}?", near)));
+  }
   if (!real && nearest.front()->real_only)
     return wrong(text, fmt::format("{} is not there in simulated time: such a fault needs the real processes (--real)",
                                    words[0]));

@@ -14,9 +14,6 @@
 #include "hil/sitl/observation.hpp"
 #include "hil/sitl/world.hpp"
 
-// What there is for scripts: in which modes each kind of fault can be had, asked of the kinds themselves with an
-// example of each; and a script's schema.
-
 namespace ledgerline::hil {
 
 /// A moment of a flight, as text: "5s" (of the run), "takeoff" (it leaves the ground), "flying", "path", "lap 2" (it
@@ -87,12 +84,12 @@ struct Effects {
   struct OfPort {
     bool cut = false, stale = false, stall_to = false, stall_from = false;
     std::optional<Distribution> delay_to, delay_from;
-    Tampering lie = Tampering::none;
+    Tampering tampering = Tampering::none;
     PeerTampering serves = PeerTampering::none, orders = PeerTampering::none;
     Slip slip = Slip::none;
   };
   struct OfRelay {
-    RelayTampering lie = RelayTampering::none;
+    RelayTampering tampering = RelayTampering::none;
     bool compared = false;  ///< clients compare events before they sign
   };
 
@@ -201,7 +198,7 @@ bool is_placeholder(std::string_view word);
 /// a word in capitals that nobody has given an example for (catalogue.cpp).
 std::vector<std::string> examples_of(const FaultKind& kind);
 
-/// How the examples of a kind fare in one mode.
+/// How the examples of a fault kind (examples_of) fare in one mode: possible, or refused with a reason.
 struct InMode {
   std::vector<std::string> possible;
   std::vector<std::pair<std::string, std::string>> refused;  ///< and why
@@ -216,5 +213,10 @@ KindModes modes_of(const FaultKind& kind);
 
 /// "sitl, real", "real: `agent kill`", "refused: why" ...: the modes in words.
 std::string modes_text(const KindModes& modes);
+
+/// JSON Schema (draft 7) of a fault script, for editors and other programs: its keys as the reader of scripts asks for
+/// them, its faults, moments and rules as their tables have them. A script that parse_script() takes is valid; one that
+/// is valid may still be wrong in what no schema can say, such as a drone that does not fly.
+std::string script_schema();
 
 }  // namespace ledgerline::hil

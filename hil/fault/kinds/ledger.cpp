@@ -68,40 +68,43 @@ Result<FaultActs> stale(const ParsedText& parsed) {
       .check_real = because("a peer that is behind its channel is not built: simulated time alone has it")};
 }
 
-Result<FaultActs> lie(const ParsedText& parsed) {
-  const auto lie = from_word<Tampering>(parsed.rest);
-  if (!lie) return one_of<Tampering>("lies");
-  return FaultActs{.lasts = on_ports(parsed.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
+Result<FaultActs> tampering(const ParsedText& parsed) {
+  const auto tampering = from_word<Tampering>(parsed.rest);
+  if (!tampering) return one_of<Tampering>("lies");
+  return FaultActs{.lasts = on_ports(parsed.words[0],
+                                     [tampering = *tampering](Effects::OfPort& port) { port.tampering = tampering; }),
                    .check_real = because(nobody_real)};
 }
 
 Result<FaultActs> serve(const ParsedText& parsed) {
-  const auto lie = from_word<PeerTampering>(parsed.rest);
-  if (!lie) return one_of<PeerTampering>("serves");
-  return FaultActs{.lasts = on_ports(parsed.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
-                   .check_real = because(nobody_real)};
+  const auto tampering = from_word<PeerTampering>(parsed.rest);
+  if (!tampering) return one_of<PeerTampering>("serves");
+  return FaultActs{
+      .lasts = on_ports(parsed.words[0], [tampering = *tampering](Effects::OfPort& port) { port.serves = tampering; }),
+      .check_real = because(nobody_real)};
 }
 
 Result<FaultActs> order(const ParsedText& parsed) {
-  const auto lie = from_word<PeerTampering>(parsed.rest);
-  if (!lie) return one_of<PeerTampering>("orders");
-  return FaultActs{.lasts = on_ports(parsed.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
-                   .check_real = because(nobody_real),
-                   .check_flight = [](const WorldConfig& flight) -> Status {
-                     return allow_if(flight.blocks == fabric::BlockSource::ordered,
-                                     "nobody reads blocks as they are ordered here (flight.blocks = \"ordered\")");
-                   }};
+  const auto tampering = from_word<PeerTampering>(parsed.rest);
+  if (!tampering) return one_of<PeerTampering>("orders");
+  return FaultActs{
+      .lasts = on_ports(parsed.words[0], [tampering = *tampering](Effects::OfPort& port) { port.orders = tampering; }),
+      .check_real = because(nobody_real),
+      .check_flight = [](const WorldConfig& flight) -> Status {
+        return allow_if(flight.blocks == fabric::BlockSource::ordered,
+                        "nobody reads blocks as they are ordered here (flight.blocks = \"ordered\")");
+      }};
 }
 
 // Of several relays the later one in the script counts.
 Result<FaultActs> relay(const ParsedText& parsed) {
   const auto words = words_of(parsed.rest);
-  const auto lie = words.empty() ? std::nullopt : from_word<RelayTampering>(words[0]);
-  if (!lie || words.size() > 2 || (words.size() == 2 && words[1] != "compared"))
+  const auto tampering = words.empty() ? std::nullopt : from_word<RelayTampering>(words[0]);
+  if (!tampering || words.size() > 2 || (words.size() == 2 && words[1] != "compared"))
     return Error{one_of<RelayTampering>("ledger relay").message + ", and may by compared"};
-  return FaultActs{
-      .lasts = [lies = Effects::OfRelay{*lie, words.size() == 2}](Effects& effects) { effects.relay = lies; },
-      .check_real = because(nobody_real)};
+  return FaultActs{.lasts = [tampered = Effects::OfRelay{*tampering, words.size() == 2}](
+                                Effects& effects) { effects.relay = tampered; },
+                   .check_real = because(nobody_real)};
 }
 
 // Without a way: both.
@@ -191,7 +194,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both to|from delay DISTRIBUTION...", delay_port},
     {"ledger agent|ground|both EFFECTS...", refuse_effect},
     {"ledger agent|ground|both to|from EFFECTS...", refuse_effect},
-    {"ledger agent|ground|both lies WHAT...", lie},
+    {"ledger agent|ground|both lies WHAT...", tampering},
     {"ledger agent|ground|both serves WHAT...", serve},
     {"ledger agent|ground|both orders WHAT...", order},
     {"ledger relay LIE...", relay},

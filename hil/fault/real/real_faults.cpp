@@ -86,7 +86,7 @@ Status fill(const std::string& path) {
 
 namespace {
 
-constexpr TimeNs errand_timeout_ns = 20 * ns_per_s;
+constexpr TimeNs task_timeout_ns = 20 * ns_per_s;
 
 }  // namespace
 
@@ -98,7 +98,7 @@ RealFaults::RealFaults(const Script& script, Where where, const LiveObservation&
 
 Status RealFaults::step(TimeNs now) {
   if (auto stepped = step_faults(now); !stepped) return stepped;
-  return run_errands(now);
+  return run_tasks(now);
 }
 
 std::vector<Recording::Fault> RealFaults::begun() const {
@@ -112,7 +112,7 @@ std::vector<Recording::Fault> RealFaults::begun() const {
 }
 
 void RealFaults::end() {
-  burners_.clear();
+  cpu_loads_.clear();
   memory_.clear();
 }
 
@@ -160,11 +160,11 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
     for (const pid_t pid : pids) ::kill(pid, signal);
   }
   if (acts.burn_core >= 0 && begin) {
-    auto burner = std::make_unique<CpuLoad>(acts.burn_core);
-    if (!burner->pinned()) return Error{fmt::format("there is no core {} for us", acts.burn_core)};
-    burners_[acts.burn_core] = std::move(burner);
+    auto load = std::make_unique<CpuLoad>(acts.burn_core);
+    if (!load->pinned()) return Error{fmt::format("there is no core {} for us", acts.burn_core)};
+    cpu_loads_[acts.burn_core] = std::move(load);
   } else if (acts.burn_core >= 0) {
-    burners_.erase(acts.burn_core);
+    cpu_loads_.erase(acts.burn_core);
   }
   if (acts.take_bytes > 0 && begin) {
     if (available_memory() < acts.take_bytes + acts.take_bytes / 4)
@@ -180,15 +180,15 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
     return Error{fmt::format("cannot remove {}: {}", filler, std::strerror(errno))};
   }
   if (!acts.parts.empty()) {
-    signal_parts(acts.parts, monotonic_ns() + errand_timeout_ns, acted);
+    signal_parts(acts.parts, monotonic_ns() + task_timeout_ns, acted);
   } else if (!acts.control.empty()) {
     std::vector<std::string> command{where_.programs + "/ledgerline", "control", "--config",
                                      where_.run + "/operator.toml"};
     command.insert(command.end(), acts.control.begin(), acts.control.end());
-    errands_.push_back({"control", std::move(command), [acted](const std::string&) {
-                          acted();
-                          return done;
-                        }});
+    tasks_.push_back({"control", std::move(command), [acted](const std::string&) {
+                        acted();
+                        return done;
+                      }});
   } else {
     acted();
   }
@@ -196,23 +196,23 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
 }
 
 /// One after the other; the first one's answer is taken when it is there.
-Status RealFaults::run_errands(TimeNs now) {
-  if (errands_.empty()) return done;
-  Task& errand = errands_.front();
-  const std::string& name = errand.name;
-  if (errand.until_ns == 0) {
-    errand.until_ns = now + errand_timeout_ns;
+Status RealFaults::run_tasks(TimeNs now) {
+  if (tasks_.empty()) return done;
+  Task& task = tasks_.front();
+  const std::string& name = task.name;
+  if (task.until_ns == 0) {
+    task.until_ns = now + task_timeout_ns;
     lines_[name].clear();
-    return children_.start({name, errand.command, where_.directory + "/" + name + ".log", SIGKILL});
+    return children_.start({name, task.command, where_.directory + "/" + name + ".log", SIGKILL});
   }
   if (children_.is_running(name)) {
-    if (now < errand.until_ns) return done;
-    return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(errand_timeout_ns))};
+    if (now < task.until_ns) return done;
+    return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(task_timeout_ns))};
   }
   if (!children_.has_succeeded(name))
     return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
-  const auto then = std::move(errand.then);
-  errands_.pop_front();
+  const auto then = std::move(task.then);
+  tasks_.pop_front();
   return then(lines_[name]);
 }
 
@@ -241,7 +241,7 @@ void RealFaults::signal_parts(const std::vector<std::pair<std::string, int>>& pa
     signalled();
     return done;
   };
-  errands_.push_back(
+  tasks_.push_back(
       {"fabric-status", {where_.programs + "/ledgerline", "fabric", "status", "--dir", where_.run + "/ledger"}, then});
 }
 
@@ -251,7 +251,7 @@ namespace {
 FlightPhase phase_by_truth(const DroneObservation& drone) {
   if (on_course(drone.truth)) return FlightPhase::flying;
   if (!on_ground(drone.truth)) return drone.phase;
-  return in_flight(drone.phase) || drone.phase == FlightPhase::landed ? FlightPhase::landed : FlightPhase::on_ground;
+  return is_in_flight(drone.phase) || drone.phase == FlightPhase::landed ? FlightPhase::landed : FlightPhase::on_ground;
 }
 
 }  // namespace

@@ -15,7 +15,7 @@
 #include "common/base/result.hpp"
 #include "common/process/children.hpp"
 #include "common/rt/trace.hpp"
-#include "hil/fault/real/real.hpp"
+#include "hil/fault/real/real_run.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/script.hpp"
 
@@ -100,7 +100,7 @@ class RealFaults {
     Fault fault;
     TriggerWatch watch;
     TimeNs begun_ns = 0, ended_ns = 0;
-    bool begin_asked = false, stop_requested = false;  ///< an errand may still be on its way
+    bool begin_asked = false, stop_requested = false;  ///< a task may still be on its way
   };
 
   /// `live` and `children` must outlive it; lines that children print come by add_line().
@@ -130,17 +130,17 @@ class RealFaults {
   Status act(const RealActs& acts, bool begin, const std::function<void()>& acted);
   void signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,
                     const std::function<void()>& signalled);
-  Status run_errands(TimeNs now);
+  Status run_tasks(TimeNs now);
 
   Where where_;
   int drones_;
   const LiveObservation& live_;
   Children& children_;
   std::vector<Planned> planned_;
-  std::map<std::string, std::string> lines_;  // of errands
-  std::deque<Task> errands_;                  // at most two a fault
+  std::map<std::string, std::string> lines_;  // of tasks
+  std::deque<Task> tasks_;                    // at most two a fault
   std::set<std::string> killed_parts_;
-  std::map<int, std::unique_ptr<CpuLoad>> burners_;
+  std::map<int, std::unique_ptr<CpuLoad>> cpu_loads_;
   std::multimap<std::uint64_t, std::vector<char>> memory_;  // by size
 };
 

@@ -101,7 +101,7 @@ class Player {
       if (drone->phase == FlightPhase::flying && drone->mode == FailsafeMode::land)
         drone->plan_end_ns = r.t_ns - begin_ns_ + from_seconds(link::SeparationSettings{}.landing_wait_s);
       events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0, mode_text(*drone)});
-    } else if (r.kind == TraceKind::state_sampled) {
+    } else if (r.kind == TraceKind::state_sampled && std::isfinite(r.v[0])) {
       drone->pose = Pose{.drone = r.drone, .stamp_ns = r.stamp_ns, .position_m = {r.v[0], r.v[1], r.v[2]}};
     } else if (r.kind == TraceKind::rc_sent) {
       if (std::any_of(std::begin(r.v), std::end(r.v), [](double stick) { return !(std::abs(stick) <= 100); }))

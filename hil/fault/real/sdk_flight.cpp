@@ -1,4 +1,4 @@
-#include "hil/fault/real/real.hpp"
+#include "hil/fault/real/real_run.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -160,17 +160,16 @@ Status TwoNetworks::hold(const std::string& name, const std::string& directory) 
 }
 
 Status TwoNetworks::set_up(const std::string& name, const std::string& lines, const std::string& directory) {
-  const std::string errand = "ip-" + name;
+  const std::string task = "ip-" + name;
   std::vector<std::string> command = enter(name);
   command.insert(command.end(), {sh_, "-euc", lines});
-  if (auto started =
-          children_.start({errand, std::move(command), fmt::format("{}/{}.log", directory, errand), SIGKILL});
+  if (auto started = children_.start({task, std::move(command), fmt::format("{}/{}.log", directory, task), SIGKILL});
       !started)
     return started;
   const TimeNs until = monotonic_ns() + network_timeout_ns;
-  while (children_.is_running(errand) && monotonic_ns() < until) children_.poll(network_look_ns);
-  if (children_.has_succeeded(errand)) return done;
-  return Error{fmt::format("{}: {}", advice, children_.log_tail(errand, 3))};
+  while (children_.is_running(task) && monotonic_ns() < until) children_.poll(network_look_ns);
+  if (children_.has_succeeded(task)) return done;
+  return Error{fmt::format("{}: {}", advice, children_.log_tail(task, 3))};
 }
 
 Status TwoNetworks::open(const std::vector<std::string>& sky_addresses, const std::string& directory) {

@@ -73,27 +73,28 @@ void MetricRecorder::observe(const Moment& moment) {
   }
 }
 
-void MetricRecorder::observe_drone(const DroneObservation& facts, OfDrone& before, TimeNs passed_ns) {
-  if (facts.off_path_m) {
-    off_path_.add(*facts.off_path_m);
-    off_path_max_m_ = std::max(off_path_max_m_, *facts.off_path_m);
+void MetricRecorder::observe_drone(const DroneObservation& observation, OfDrone& before, TimeNs passed_ns) {
+  if (observation.off_path_m) {
+    off_path_.add(*observation.off_path_m);
+    off_path_max_m_ = std::max(off_path_max_m_, *observation.off_path_m);
   }
-  speed_max_mps_ = std::max(speed_max_mps_, length_of(facts.truth.velocity_mps));
-  if (facts.truth.in_flight) beyond_fence_m_ = std::max(beyond_fence_m_, beyond_m(limits_, facts.truth.position_m));
-  if (facts.phase == FlightPhase::flying) {
+  speed_max_mps_ = std::max(speed_max_mps_, length_of(observation.truth.velocity_mps));
+  if (observation.truth.in_flight)
+    beyond_fence_m_ = std::max(beyond_fence_m_, beyond_m(limits_, observation.truth.position_m));
+  if (observation.phase == FlightPhase::flying) {
     flying_ns_ += passed_ns;
-    if (facts.pose) {
-      const double off = distance_m(facts.pose->position_m, facts.truth.position_m);
+    if (observation.pose) {
+      const double off = distance_m(observation.pose->position_m, observation.truth.position_m);
       off_pose_.add(off);
       off_pose_max_m_ = std::max(off_pose_max_m_, off);
-      pose_beyond_fence_m_ = std::max(pose_beyond_fence_m_, beyond_m(limits_, facts.pose->position_m));
+      pose_beyond_fence_m_ = std::max(pose_beyond_fence_m_, beyond_m(limits_, observation.pose->position_m));
     }
-    if (facts.sent_ns > before.sent_ns && before.sent_ns > 0)
-      sent_change_.add(distance_m(facts.sent, before.sent) / to_seconds(facts.sent_ns - before.sent_ns));
+    if (observation.sent_ns > before.sent_ns && before.sent_ns > 0)
+      sent_change_.add(distance_m(observation.sent, before.sent) / to_seconds(observation.sent_ns - before.sent_ns));
   }
-  before.sent = facts.sent;
-  before.sent_ns = facts.sent_ns;
-  const FailsafeMode mode = in_flight(facts.phase) ? facts.mode : FailsafeMode::none;
+  before.sent = observation.sent;
+  before.sent_ns = observation.sent_ns;
+  const FailsafeMode mode = is_in_flight(observation.phase) ? observation.mode : FailsafeMode::none;
   if (mode != before.mode) {
     if (mode == FailsafeMode::hold) ++holds_;
     if (mode == FailsafeMode::brake) ++brakes_;

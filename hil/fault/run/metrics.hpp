@@ -11,7 +11,7 @@
 
 namespace ledgerline::hil {
 
-/// A figure of a run, by which two builds are compared (hil/fault/compare): a row of the table in figures.cpp.
+/// A figure of a run, by which two builds are compared (hil/fault/compare): a row of the table in metrics.cpp.
 struct MetricKind {
   std::string_view name;  ///< with its unit at the end
   std::string_view help;
@@ -51,7 +51,7 @@ class MetricRecorder {
     std::array<double, 3> sent{};
     TimeNs sent_ns = 0;
   };
-  void observe_drone(const DroneObservation& facts, OfDrone& before, TimeNs passed_ns);
+  void observe_drone(const DroneObservation& observation, OfDrone& before, TimeNs passed_ns);
   void observe_distances(const Moment& moment);
 
   Limits limits_;

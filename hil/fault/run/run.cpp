@@ -29,18 +29,37 @@ double misled_m(const Script& script) {
   return metres;
 }
 
-TimelinePoint point_of(TimeNs now, const DroneObservation& facts) {
+/// What became of a drone's plans, in words: agent's refusals and link's counters, of those that run now.
+std::string plans_text(const SimulatedWorld& world, std::size_t drone) {
+  std::string text;
+  if (const agent::AgentCore* agent = world.agent()) {
+    const auto commands = agent->report(world.drones()[drone].number).commands;
+    text += fmt::format("agent: {} on the ledger, {} verified", commands.on_ledger, commands.verified);
+    for (std::size_t i = 0; i < agent::refusal_count; ++i) {
+      if (commands.reasons[i] > 0)
+        text += fmt::format(", {} {}", commands.reasons[i], agent::refusal_name(static_cast<agent::RefusalReason>(i)));
+    }
+  }
+  if (const link::LinkCore* link = world.link()) {
+    const link::PlanCounters plans = link->reports()[drone].plans;
+    text += fmt::format("{}link: {} received, {} applied, {} late, {} dropped", text.empty() ? "" : "; ",
+                        plans.received, plans.applied, plans.late, plans.dropped);
+  }
+  return text;
+}
+
+TimelinePoint point_of(TimeNs now, const DroneObservation& observation) {
   TimelinePoint point;
   point.t_ns = now;
   for (std::size_t i = 0; i < 3; ++i) {
-    point.at_m[i] = static_cast<float>(facts.truth.position_m[i]);
-    if (facts.pose) point.estimated_m[i] = static_cast<float>(facts.pose->position_m[i]);
+    point.at_m[i] = static_cast<float>(observation.truth.position_m[i]);
+    if (observation.pose) point.estimated_m[i] = static_cast<float>(observation.pose->position_m[i]);
   }
-  point.sent_mps = static_cast<float>(facts.sent_mps);
-  point.phase = facts.phase;
-  point.mode = facts.mode;
-  point.cause = facts.cause;
-  point.lap = static_cast<std::uint8_t>(std::min(facts.lap, 255));
+  point.sent_mps = static_cast<float>(observation.sent_mps);
+  point.phase = observation.phase;
+  point.mode = observation.mode;
+  point.cause = observation.cause;
+  point.lap = static_cast<std::uint8_t>(std::min(observation.lap, 255));
   return point;
 }
 
@@ -98,14 +117,14 @@ void RunRecorder::store_event(const Moment& moment, const WorldEvent& event) {
   if (of_each_plan || result_.events.size() >= max_events) return;
   result_.events.push_back(event);
   if (event.kind != WorldEvent::Kind::mode || !event.text.empty()) return;
-  const DroneObservation& facts = moment.drones[event.drone];
-  result_.events.back().text = mode_text(facts);
+  const DroneObservation& observation = moment.drones[event.drone];
+  result_.events.back().text = mode_text(observation);
 }
 
-std::string mode_text(const DroneObservation& facts) {
-  std::string text = name(facts.phase);
-  if (facts.mode != FailsafeMode::none) text += fmt::format(", {}", name(facts.mode));
-  if (facts.cause != FailsafeCause::none) text += fmt::format(" ({})", name(facts.cause));
+std::string mode_text(const DroneObservation& observation) {
+  std::string text(name(observation.phase));
+  if (observation.mode != FailsafeMode::none) text += fmt::format(", {}", name(observation.mode));
+  if (observation.cause != FailsafeCause::none) text += fmt::format(" ({})", name(observation.cause));
   return text;
 }
 
@@ -187,7 +206,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   }
 
   std::vector<std::string> plans;
-  for (std::size_t i = 0; i < world.drones().size(); ++i) plans.push_back(world.plans_text(i));
+  for (std::size_t i = 0; i < world.drones().size(); ++i) plans.push_back(plans_text(world, i));
   Metrics counts;
   add_counts(world, counts);
   Ending ending;

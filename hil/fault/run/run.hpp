@@ -50,14 +50,14 @@ struct RunResult {
 };
 inline constexpr std::size_t max_events = 5'000;
 
-/// What the invariants allow in a flight of this script, whose drones stand where the facts say.
+/// What the invariants allow in a flight of this script, whose drones stand where the observations say.
 Limits limits_of(const Script& script, const std::vector<DroneObservation>& drones);
 
 /// Drones that are not on the ground, their motors off.
 std::vector<std::string> in_the_air(const std::vector<DroneObservation>& drones);
 
 /// "flying, hold (pose_lost)"; without mode and cause where there is none.
-std::string mode_text(const DroneObservation& facts);
+std::string mode_text(const DroneObservation& observation);
 
 /// Has one run checked, moment by moment, and keeps of it its figures and what pictures and reports show: a point of
 /// each drone every timeline_period_ns, and the first max_events events. The run may be a simulated one or a recording

@@ -11,8 +11,8 @@ Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std
   for (Fault& fault : faults) {
     TriggerWatch watch(fault.trigger, fault.drone, drones);
     if (watch.drones.empty())
-      return Error{fmt::format("\"{}\": no {} flies here, only {} to {}", fault.text, fault.drone, drones.front().name,
-                               drones.back().name)};
+      return Error{fmt::format("\"{}\": no {} flies here, only {}{}", fault.text, fault.drone, drones.front().name,
+                               drones.size() > 1 ? " to " + drones.back().name : "")};
     if (fault.acts.of_two_drones && drones.size() < 2)
       return Error{
           fmt::format("\"{}\": {} flies alone; it needs another drone in the flight", fault.text, drones.front().name)};

@@ -18,6 +18,7 @@
 #include <set>
 #include <utility>
 
+#include "common/msg/onboard.hpp"
 #include "hil/netem/sdk/calls.hpp"
 
 namespace ledgerline::hil {
@@ -110,7 +111,6 @@ std::optional<CapturedDatagram> datagram_in(int link_type, std::string_view pack
 
 namespace {
 
-constexpr std::uint16_t command_port = 8889, state_port = 8890;
 constexpr std::size_t max_text = 64;  // of a command or an answer: enough to know it
 
 std::string address_text(std::uint32_t address) {
@@ -243,7 +243,7 @@ Result<std::vector<CapturedLink>> read_capture(const std::string& path) {
                         header->ts.tv_usec < ns_per_s;
     const TimeNs stamp = a_time ? header->ts.tv_sec * ns_per_s + header->ts.tv_usec : -1;  // precision: nanoseconds
     if (!first) first = stamp;
-    if (!a_time || stamp < *first - ns_per_s || stamp - *first > RecordedDay::max_length)
+    if (!a_time || stamp < *first - ns_per_s || stamp - *first > LinkRecording::max_length)
       return Error{
           fmt::format("{}: packet {} is not of the same two days as the first: damaged, or of several captures", path,
                       packets + 1)};

@@ -39,8 +39,8 @@ struct CapturedLink {
 /// is sent `command`. What was captured twice (the same IP id and bytes) counts once.
 ///
 /// An untrusted file: at most max_packets are read, max_states and max_talk of its datagrams kept, of at most
-/// max_captured_drones, and it spans at most RecordedDay::max_length; beyond, or where libpcap finds it damaged, it is
-/// refused with the reason.
+/// max_captured_drones, and it spans at most LinkRecording::max_length; beyond, or where libpcap finds it damaged, it
+/// is refused with the reason.
 inline constexpr std::uint64_t max_packets = 50'000'000;
 inline constexpr std::size_t max_states = 1'000'000, max_talk = 500'000, max_captured_drones = 64;
 Result<std::vector<CapturedLink>> read_capture(const std::string& path);

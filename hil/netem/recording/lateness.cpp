@@ -100,84 +100,85 @@ Result<std::pair<Schedule, std::vector<std::int64_t>>> schedule_of(Arrivals arri
 }
 
 /// A text stands for half a period before and behind its place: losses begin and end between two places, so that they
-/// stay as many where the day is played by somebody whose own clock is a little ahead.
-void add(DayMoment moment, std::vector<DayMoment>& moments) {
-  const DayMoment before{moment.at_ns - state_period_ns / 2, moment.delay_ns, moment.lost};
+/// stay as many where the recording is played by somebody whose own clock is a little ahead.
+void add(RecordedDelay moment, std::vector<RecordedDelay>& moments) {
+  const RecordedDelay before{moment.at_ns - state_period_ns / 2, moment.delay_ns, moment.lost};
   const bool ends_loss = !moment.lost && !moments.empty() && moments.back().lost;
   if (moment.lost) moment = before;
   if (ends_loss && before.at_ns > moments.back().at_ns) moments.push_back(before);
   if (moments.empty() || moment.at_ns > moments.back().at_ns) moments.push_back(moment);
 }
 
-/// Adds a stretch; the first one sets `day_begins_s`, from which the day's moments count. An error where more texts
-/// come than the stretch's schedule has places for.
-Status add_stretch(Arrivals arrivals, double& day_begins_s, MeasuredDay& day, std::size_t& max_arrivals) {
+/// Adds a stretch; the first one sets `recording_begins_s`, from which moments count. An error where more texts come
+/// than the stretch's schedule has places for.
+Status add_stretch(Arrivals arrivals, double& recording_begins_s, MeasuredLink& recording, std::size_t& max_arrivals) {
   const auto made = schedule_of(arrivals);
   if (!made) return made.error();
   const auto& [schedule, places] = *made;
-  if (day.moments.empty()) day_begins_s = schedule.at(places.front());
+  if (recording.moments.empty()) recording_begins_s = schedule.at(places.front());
   if (arrivals.size() > max_arrivals) {
     max_arrivals = arrivals.size();
-    day.period_s = schedule.period_s;
+    recording.period_s = schedule.period_s;
   }
-  const auto in_day = [&, begins_s = day_begins_s](double s) { return std::llround((s - begins_s) * 1e9); };
+  const auto since_begin = [&, begins_s = recording_begins_s](double s) { return std::llround((s - begins_s) * 1e9); };
   std::size_t i = 0;
   for (std::int64_t place = places.front(); place <= places.back(); ++place) {
-    DayMoment moment{in_day(schedule.at(place)), 0, places[i] != place};
+    RecordedDelay moment{since_begin(schedule.at(place)), 0, places[i] != place};
     if (!moment.lost) {
       const double late_s = std::max(0.0, arrivals[i] - schedule.at(place));
       if (late_s > to_seconds(states_end_after_ns) + nominal_s)
         return Error{"more states come than one every 100 ms: is the capture of several ways, or doubled?"};
       moment.delay_ns = std::llround(late_s * 1e9);
       ++i;
-      ++day.came;
+      ++recording.came;
     } else {
-      ++day.missing;
+      ++recording.missing;
     }
-    if (day.moments.size() > RecordedDay::max_moments)
-      return Error{fmt::format("more than {} moments: cut it into shorter ones", RecordedDay::max_moments)};
-    add(moment, day.moments);
+    if (recording.moments.size() > LinkRecording::max_moments)
+      return Error{fmt::format("more than {} moments: cut it into shorter ones", LinkRecording::max_moments)};
+    add(moment, recording.moments);
   }
   return done;
 }
 
 }  // namespace
 
-Result<MeasuredDay> day_of_states(std::span<const TimeNs> arrivals) {
+Result<MeasuredLink> recording_of_states(std::span<const TimeNs> arrivals) {
   if (arrivals.size() < 2) return Error{fmt::format("{} state texts: at least two are needed", arrivals.size())};
   std::vector<double> all;
   all.reserve(arrivals.size());
   for (const TimeNs arrival : arrivals) all.push_back(to_seconds(arrival - arrivals.front()));
-  MeasuredDay day;
-  double day_begins_s = 0;
+  MeasuredLink recording;
+  double recording_begins_s = 0;
   std::size_t max_arrivals = 0;
   for (std::size_t begin = 0; begin < all.size();) {
     std::size_t end = begin + 1;
     while (end < all.size() && all[end] - all[end - 1] <= to_seconds(states_end_after_ns)) ++end;
-    if (!day.moments.empty()) {  // nothing came for long: one lost moment holds until the next stretch
-      day.missing += static_cast<std::size_t>((all[begin] - all[begin - 1]) / nominal_s);
-      add({day.moments.back().at_ns + state_period_ns, 0, true}, day.moments);
+    if (!recording.moments.empty()) {  // nothing came for long: one lost moment holds until the next stretch
+      recording.missing += static_cast<std::size_t>((all[begin] - all[begin - 1]) / nominal_s);
+      add({recording.moments.back().at_ns + state_period_ns, 0, true}, recording.moments);
     }
-    if (const Status added = add_stretch(Arrivals(all).subspan(begin, end - begin), day_begins_s, day, max_arrivals);
+    if (const Status added =
+            add_stretch(Arrivals(all).subspan(begin, end - begin), recording_begins_s, recording, max_arrivals);
         !added)
       return added.error();
     begin = end;
   }
-  return day;
+  return recording;
 }
 
-Result<MeasuredDay> day_of_answers(std::span<const RequestTime> asked) {
-  MeasuredDay day;
+Result<MeasuredLink> recording_of_answers(std::span<const RequestTime> asked) {
+  MeasuredLink recording;
   constexpr TimeNs apart_ns = 1 * ns_per_ms;  // what is nearer says nothing new
   for (const RequestTime& one : asked) {
     const TimeNs at = one.at_ns - asked.front().at_ns;
-    ++(one.answered_ns ? day.came : day.missing);
-    if (!day.moments.empty() && at - day.moments.back().at_ns < apart_ns) continue;
-    day.moments.push_back({at, one.answered_ns ? (*one.answered_ns - one.at_ns) / 2 : 0, !one.answered_ns});
+    ++(one.answered_ns ? recording.came : recording.missing);
+    if (!recording.moments.empty() && at - recording.moments.back().at_ns < apart_ns) continue;
+    recording.moments.push_back({at, one.answered_ns ? (*one.answered_ns - one.at_ns) / 2 : 0, !one.answered_ns});
   }
-  if (day.moments.size() < 2)
+  if (recording.moments.size() < 2)
     return Error{fmt::format("{} commands that are answered at once: at least two are needed", asked.size())};
-  return day;
+  return recording;
 }
 
 }  // namespace ledgerline::hil

@@ -6,7 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
-#include "hil/netem/recording/day.hpp"
+#include "hil/netem/recording/link_recording.hpp"
 
 // What a capture at the client shows of a link's delay and loss. The drone's clock is not in it, so neither is the
 // least delay there is: all delays of states are beyond that.
@@ -17,8 +17,8 @@ inline constexpr TimeNs state_period_ns = 100 * ns_per_ms;
 /// After so long without a state the drone may have been switched off: a new schedule begins.
 inline constexpr TimeNs states_end_after_ns = 5 * ns_per_s;
 
-struct MeasuredDay {
-  std::vector<DayMoment> moments;  ///< its times from 0 on
+struct MeasuredLink {
+  std::vector<RecordedDelay> moments;  ///< its times from 0 on
   std::size_t came = 0, missing = 0;
   double period_s = 0;  ///< of states: as fitted, of the stretch with the most arrivals; of answers 0
 };
@@ -36,7 +36,7 @@ struct MeasuredDay {
 /// lasting change of delay by more than that looks the same.
 ///
 /// An error where there are fewer than two texts, or where they do not come every 100 ms (within 5 %).
-Result<MeasuredDay> day_of_states(std::span<const TimeNs> arrivals);
+Result<MeasuredLink> recording_of_states(std::span<const TimeNs> arrivals);
 
 /// A command that the drone answers at once (hil/netem/sdk/calls.hpp), and when its answer came; nothing: never.
 struct RequestTime {
@@ -46,8 +46,8 @@ struct RequestTime {
 
 /// Of commands and their answers: half of the time between is the delay of each way. Limits: whether the way there or
 /// the way back was slow, or the drone, cannot be determined; of a command without an answer neither which of both was
-/// lost; and a client says few commands but rc, so that much of the day is guessed between. An error where there are
+/// lost; and a client says few commands but rc, so that much is guessed between. An error where there are
 /// fewer than two.
-Result<MeasuredDay> day_of_answers(std::span<const RequestTime> asked);
+Result<MeasuredLink> recording_of_answers(std::span<const RequestTime> asked);
 
 }  // namespace ledgerline::hil

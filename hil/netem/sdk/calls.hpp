@@ -24,7 +24,7 @@ std::string_view call_word(std::string_view command);
 /// Nothing: it is no word of the SDK, which a Tello refuses at once.
 std::optional<Answered> how_answered(std::string_view word);
 
-/// A move that goes on is answered before this one is: it breaks it off.
+/// True for commands that interrupt a running move: the move is answered first.
 bool breaks_off(std::string_view word);
 
 /// "error", "error Motor stop", "out of range", "unknown command: x".
@@ -49,7 +49,7 @@ class OpenCalls {
   };
   /// False where it has no answer (rc), or is nothing at all.
   bool command(TimeNs now, std::string_view bytes, std::uint64_t tag = 0);
-  /// Takes off whose answer this is; nothing: nobody asked.
+  /// Removes and returns the call that this answers; nothing: there is none.
   std::optional<Call> match(TimeNs now, std::string_view answer);
 
  private:

@@ -18,11 +18,11 @@ std::vector<fabric::Endorsement> endorsed_by(const fabric::Transaction& tx, cons
   return {{who.serialized, signature ? *signature : std::string()}};
 }
 
-void lie_about(fabric::Transaction& tx, Tampering lie) {
-  switch (lie) {
+void tamper_with(fabric::Transaction& tx, Tampering tampering) {
+  switch (tampering) {
     case Tampering::signature:
       if (!tx.signature.empty()) tx.signature[0] ^= 1;
-      tx.creator_fits = false;  // nobody has looked
+      tx.signature_verified = false;  // nobody has looked
       return;
     case Tampering::endorsement:
       tx.endorsements.clear();
@@ -109,7 +109,7 @@ void BlockDelivery::add(fabric::Block block) {
     delivered_.push_back(std::move(empty));
   }
   if (tampering_ == Tampering::chain) block.previous_hash[0] ^= 1;
-  for (fabric::Transaction& tx : block.transactions) lie_about(tx, tampering_);
+  for (fabric::Transaction& tx : block.transactions) tamper_with(tx, tampering_);
   delivered_.push_back(std::move(block));
 }
 

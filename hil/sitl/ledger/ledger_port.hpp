@@ -16,8 +16,8 @@
 
 namespace ledgerline::hil {
 
-/// What is wrong with the blocks that a program is given, behind all that its stream of blocks checks: as from one that
-/// checks nothing.
+/// Tampering with the blocks that a program is given, applied after its block stream's checks, as if the stream checked
+/// nothing.
 enum class Tampering : std::uint8_t {
   none,
   chain,        ///< blocks that name another previous hash, with all their transactions
@@ -147,11 +147,11 @@ class LedgerPort {
   }
   /// The peer shows its last blocks over and over, and no new one.
   void stale(bool stale) { delivery_.stale(stale); }
-  void set_tampering(Tampering lie) { delivery_.set_tampering(lie); }
+  void set_tampering(Tampering tampering) { delivery_.set_tampering(tampering); }
   /// What the peer serves in place of the ledger's blocks.
-  void serve(PeerTampering lie) { reader_.serve(lie); }
+  void serve(PeerTampering tampering) { reader_.serve(tampering); }
   /// What an orderer does, which has an orderer's key.
-  void order(PeerTampering lie) { reader_.order(lie); }
+  void order(PeerTampering tampering) { reader_.order(tampering); }
   void slip(Slip slip) { slip_ = slip; }
 
   std::size_t in_flight() const { return calls_.size(); }

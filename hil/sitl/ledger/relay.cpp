@@ -17,13 +17,13 @@ namespace {
 
 const crypto::IdentityName rival{"Org3MSP", "CN=User1@org3.ledgerline"};
 
-/// Whose result it bends.
-std::string_view function_of(RelayTampering lie) {
-  if (lie >= RelayTampering::asked_plan || lie < RelayTampering::frame_cut) return contract::command;
-  if (lie <= RelayTampering::frame_replayed) return contract::set;
-  return lie <= RelayTampering::stop_other ? contract::stop : contract::apply_stops;
+/// Whose result it tampers with.
+std::string_view function_of(RelayTampering tampering) {
+  if (tampering >= RelayTampering::asked_plan || tampering < RelayTampering::frame_cut) return contract::command;
+  if (tampering <= RelayTampering::frame_replayed) return contract::set;
+  return tampering <= RelayTampering::stop_other ? contract::stop : contract::apply_stops;
 }
-bool of_what_was_asked(RelayTampering lie) { return lie >= RelayTampering::asked_plan; }
+bool of_what_was_asked(RelayTampering tampering) { return tampering >= RelayTampering::asked_plan; }
 
 std::string bytes_of(const Control& record) {
   Controls controls;
@@ -72,8 +72,8 @@ void add_setpoints(DronePlan& plan, float vx, float vz) {
 
 std::string other_drone(const std::string& drone) { return drone == "tello1" ? "tello2" : "tello1"; }
 
-void bend_plan(DronePlan& plan, RelayTampering lie) {
-  switch (lie) {
+void tamper_plan(DronePlan& plan, RelayTampering tampering) {
+  switch (tampering) {
     case RelayTampering::plan_speed:
     case RelayTampering::plan_form:
       return set_velocity(plan, 2, 0, 0);
@@ -133,12 +133,12 @@ Control Relay::record_of(const std::string& drone) const {
   return record;
 }
 
-std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
+std::optional<Relay::Event> Relay::tampered_command(const std::string& payload) {
   auto call = parsed<CommandCall>(payload);
   if (call.plans().empty()) return std::nullopt;
   const std::string drone = call.plans(0).drone();
   const Control record = record_of(drone);
-  switch (lie_) {
+  switch (tampering_) {
     case RelayTampering::plan_added: {
       DronePlan more = call.plans(0);
       more.set_action(TAKEOFF);
@@ -172,8 +172,9 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
     case RelayTampering::command_other:
       return Event{contract::command, payload};
     default:
-      for (DronePlan& plan : *call.mutable_plans()) bend_plan(plan, lie_);
-      return Event{contract::command, lie_ == RelayTampering::plan_form ? to_json(call) : call.SerializeAsString()};
+      for (DronePlan& plan : *call.mutable_plans()) tamper_plan(plan, tampering_);
+      return Event{contract::command,
+                   tampering_ == RelayTampering::plan_form ? to_json(call) : call.SerializeAsString()};
   }
 }
 
@@ -201,12 +202,12 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
   return std::nullopt;
 }
 
-std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
+std::optional<Relay::Event> Relay::tampered_frame(const std::string& payload) {
   auto frame = parsed<SetCall>(payload);
   if (!frame.stream() || frame.assets().empty()) return std::nullopt;
   const std::string drone = frame.assets(0).id().substr(0, frame.assets(0).id().find('/'));
   const Control record = record_of(drone);
-  switch (lie_) {
+  switch (tampering_) {
     case RelayTampering::frame_cut:
       return Event{contract::stop, cut_of(drone, names_.drone_host)};
     case RelayTampering::frame_acquire:
@@ -232,9 +233,9 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
     Asset& asset = *frame.mutable_assets(i);
     auto odometry = odometry_from_cdr(asset.msg_data());
     if (asset.msg_type() != odometry_type || !odometry) continue;
-    if (lie_ == RelayTampering::frame_pose) odometry->position_m[0] += 3;
+    if (tampering_ == RelayTampering::frame_pose) odometry->position_m[0] += 3;
     for (const Asset& old : earlier.assets()) {
-      if (lie_ != RelayTampering::frame_replayed || old.id() != asset.id()) continue;
+      if (tampering_ != RelayTampering::frame_replayed || old.id() != asset.id()) continue;
       if (const auto then = odometry_from_cdr(old.msg_data())) odometry->position_m = then->position_m;
     }
     asset.set_msg_data(to_cdr(*odometry));
@@ -243,38 +244,38 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
 }
 
 // `payload`: the honest event.
-std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
+std::optional<Relay::Event> Relay::tampered_stop(const std::string& payload) const {
   auto stops = parsed<Stops>(payload);
   auto controls = parsed<Controls>(payload);
   for (Stop& stop : *stops.mutable_stops()) {
-    if (lie_ == RelayTampering::stop_cut) stop.set_cut(true);
-    if (lie_ == RelayTampering::stop_other) *stop.mutable_stopper() = to_message(rival);
+    if (tampering_ == RelayTampering::stop_cut) stop.set_cut(true);
+    if (tampering_ == RelayTampering::stop_other) *stop.mutable_stopper() = to_message(rival);
   }
   for (Control& record : *controls.mutable_controls()) {
-    if (lie_ == RelayTampering::apply_stops_clears) record.clear_stoppers();
-    if (lie_ == RelayTampering::apply_stops_back) {
+    if (tampering_ == RelayTampering::apply_stops_clears) record.clear_stoppers();
+    if (tampering_ == RelayTampering::apply_stops_back) {
       *record.mutable_holder() = to_message(rival);
       record.set_epoch(0);
     }
   }
-  if (lie_ <= RelayTampering::stop_other) return Event{contract::stop, stops.SerializeAsString()};
+  if (tampering_ <= RelayTampering::stop_other) return Event{contract::stop, stops.SerializeAsString()};
   return Event{contract::apply_stops, controls.SerializeAsString()};
 }
 
-std::string Relay::bend(const fabric::Call& call, std::string bytes) {
-  if (lie_ == RelayTampering::none || call.function != function_of(lie_)) return bytes;
+std::string Relay::tamper(const fabric::Call& call, std::string bytes) {
+  if (tampering_ == RelayTampering::none || call.function != function_of(tampering_)) return bytes;
   auto opened = fabric::open_transaction(bytes);
   if (!opened) return bytes;
   auto event = parsed<protos::ChaincodeEvent>(opened->result.events());
-  const auto bent = call.function == contract::set       ? bent_frame(call.args.at(0))
-                    : call.function == contract::command ? bent_command(call.args.at(0))
-                                                         : bent_stop(event.payload());
-  if (!bent) return bytes;
-  if (of_what_was_asked(lie_)) {
+  const auto tampered = call.function == contract::set       ? tampered_frame(call.args.at(0))
+                        : call.function == contract::command ? tampered_command(call.args.at(0))
+                                                             : tampered_stop(event.payload());
+  if (!tampered) return bytes;
+  if (of_what_was_asked(tampering_)) {
     auto proposal = parsed<protos::ChaincodeProposalPayload>(opened->action.chaincode_proposal_payload());
     auto invocation = parsed<protos::ChaincodeInvocationSpec>(proposal.input());
     auto& args = *invocation.mutable_chaincode_spec()->mutable_input();
-    if (lie_ == RelayTampering::asked_function) {
+    if (tampering_ == RelayTampering::asked_function) {
       args.set_args(0, contract::set);
     } else {
       auto plans = parsed<CommandCall>(call.args.at(0));
@@ -288,9 +289,9 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
     opened->response.set_proposal_hash(fabric::proposal_hash(header.channel_header(), header.signature_header(),
                                                              opened->action.chaincode_proposal_payload()));
   } else {
-    event.set_event_name(bent->name);
-    event.set_payload(bent->payload);
-    if (lie_ == RelayTampering::command_other) event.set_tx_id(std::string(64, '0'));
+    event.set_event_name(tampered->name);
+    event.set_payload(tampered->payload);
+    if (tampering_ == RelayTampering::command_other) event.set_tx_id(std::string(64, '0'));
   }
   opened->result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
   opened->seal_result();

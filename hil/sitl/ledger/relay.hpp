@@ -62,39 +62,39 @@ enum class RelayTampering : std::uint8_t {
   asked_function,  ///< another function
 };
 
-/// Bends what a peer answers to its callers. The ledger itself stays as the contract left it. One thread;
+/// Tampers with what a peer answers to its callers. The ledger itself stays as the contract left it. One thread;
 /// deterministic.
 class Relay {
  public:
-  /// Who signs, and whose drones and lease it lies about.
+  /// Who signs, and whose drones and lease it tampers with.
   struct Names {
     crypto::SigningIdentity peer;
     crypto::IdentityName drone_host, holder;
   };
   explicit Relay(Names names) : names_(std::move(names)) {}
 
-  void set_tampering(RelayTampering lie) { lie_ = lie; }
+  void set_tampering(RelayTampering tampering) { tampering_ = tampering; }
   /// Whether clients compare events with what they asked for before they sign, as real ones do; otherwise they sign
   /// whatever is of their call.
   void compared(bool compared) { compared_ = compared; }
   bool compared() const { return compared_; }
 
   /// An endorsed common.Envelope without signature, in place of the peer's honest one.
-  std::string bend(const fabric::Call& call, std::string envelope);
+  std::string tamper(const fabric::Call& call, std::string envelope);
 
  private:
   struct Event {
     std::string name, payload;
   };
-  std::optional<Event> bent_command(const std::string& payload);
-  std::optional<Event> bent_frame(const std::string& payload);
-  std::optional<Event> bent_stop(const std::string& payload) const;
+  std::optional<Event> tampered_command(const std::string& payload);
+  std::optional<Event> tampered_frame(const std::string& payload);
+  std::optional<Event> tampered_stop(const std::string& payload) const;
   std::optional<Event> host_flies(const SetCall& frame);
 
   Control record_of(const std::string& drone) const;
 
   Names names_;
-  RelayTampering lie_ = RelayTampering::none;
+  RelayTampering tampering_ = RelayTampering::none;
   bool compared_ = false;
   std::string earlier_command_, earlier_frame_;
   std::uint64_t host_sequence_ = 0;

@@ -79,7 +79,7 @@ std::string called_function(const std::string& envelope) {
   return args.empty() ? std::string() : args[0];
 }
 
-void bend_plan(std::string& envelope) {
+void tamper_plan(std::string& envelope) {
   auto opened = fabric::open_transaction(envelope);
   if (!opened) return;
   auto event = parsed<protos::ChaincodeEvent>(opened->result.events());
@@ -189,15 +189,15 @@ ServingPeer::ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys) : ke
   blocks_.push_back({std::move(first), 0});
 }
 
-void ServingPeer::set_tampering(PeerTampering lie) {
-  if (lie == lie_) return;
-  lie_ = lie;
+void ServingPeer::set_tampering(PeerTampering tampering) {
+  if (tampering == tampering_) return;
+  tampering_ = tampering;
   fork_.reset();
   lied_from_ = height();
 }
 
 std::string ServingPeer::orders(TimeNs now) {
-  if (lie_ != PeerTampering::trusts_own || now < next_order_ns_) return {};
+  if (tampering_ != PeerTampering::trusts_own || now < next_order_ns_) return {};
   next_order_ns_ = now + own_period_ns;
   const auto number = static_cast<std::uint64_t>(now);
   return earlier_command_.empty() || drawn(seed_, number) % 2 == 0 ? own_stop(keys_.peer, number)
@@ -205,7 +205,7 @@ std::string ServingPeer::orders(TimeNs now) {
 }
 
 ServingPeer::BlockPtr ServingPeer::newest(TimeNs now) {
-  if (lie_ != PeerTampering::grows_old) return serve(now, height() - 1);
+  if (tampering_ != PeerTampering::grows_old) return serve(now, height() - 1);
   return at(lied_from_ > max_age_blocks ? lied_from_ - max_age_blocks : 0);
 }
 
@@ -222,12 +222,13 @@ ServingPeer::BlockPtr ServingPeer::at(std::uint64_t number) const {
 
 Result<common::Block> ServingPeer::fetch(std::uint64_t number) const {
   const BlockPtr block = at(number);
-  if (!block || lie_ == PeerTampering::withholds) return Error{fmt::format("the peer does not give block {}", number)};
+  if (!block || tampering_ == PeerTampering::withholds)
+    return Error{fmt::format("the peer does not give block {}", number)};
   return *block;
 }
 
-bool ServingPeer::holds_back(PeerTampering lie, TimeNs now, const Kept& next) const {
-  switch (lie) {
+bool ServingPeer::holds_back(PeerTampering tampering, TimeNs now, const Kept& next) const {
+  switch (tampering) {
     case PeerTampering::withholds:
     case PeerTampering::grows_old:
       return true;
@@ -246,44 +247,45 @@ bool ServingPeer::holds_back(PeerTampering lie, TimeNs now, const Kept& next) co
 }
 
 ServingPeer::BlockPtr ServingPeer::serve(TimeNs now, std::uint64_t wanted) {
-  PeerTampering lie = lie_;
-  if (lie == PeerTampering::mixes) {
-    lie = static_cast<PeerTampering>(1 + drawn(seed_, wanted) % (enum_count<PeerTampering> - 2));  // not `mixes`
+  PeerTampering tampering = tampering_;
+  if (tampering == PeerTampering::mixes) {
+    tampering = static_cast<PeerTampering>(1 + drawn(seed_, wanted) % (enum_count<PeerTampering> - 2));  // not `mixes`
     // One for a while: else the first that it withholds for good is the only one that is seen.
-    if (lie == PeerTampering::withholds || lie == PeerTampering::withholds_commands || lie == PeerTampering::grows_old)
-      lie = PeerTampering::stutters;
+    if (tampering == PeerTampering::withholds || tampering == PeerTampering::withholds_commands ||
+        tampering == PeerTampering::grows_old)
+      tampering = PeerTampering::stutters;
   }
   const BlockPtr next = at(wanted);
   if (!next || wanted == 0) return next;
-  if (lie == PeerTampering::signs_reordered && !at(wanted + 1)) return nullptr;
-  if (holds_back(lie, now, blocks_[wanted])) return nullptr;
-  return bent(lie, wanted);
+  if (tampering == PeerTampering::signs_reordered && !at(wanted + 1)) return nullptr;
+  if (holds_back(tampering, now, blocks_[wanted])) return nullptr;
+  return tampered(tampering, wanted);
 }
 
-void ServingPeer::bend_flags(PeerTampering lie, common::Block& block) const {
+void ServingPeer::tamper_flags(PeerTampering tampering, common::Block& block) const {
   std::string flags = block.metadata().metadata(common::TRANSACTIONS_FILTER);
   for (std::size_t i = 0; i < flags.size(); ++i) {
     const std::string& envelope = block.data().data(static_cast<int>(i));
-    const bool hides = (lie == PeerTampering::hides_commands && is_command(envelope)) ||
-                       (lie == PeerTampering::hides_stops && is_stop(envelope)) ||
-                       (lie == PeerTampering::hides_controls && is_control(envelope)) ||
-                       lie == PeerTampering::hides_all ||
-                       (lie == PeerTampering::hides_some && drawn(seed_, block.header().number() + i) % 3 == 0);
+    const bool hides = (tampering == PeerTampering::hides_commands && is_command(envelope)) ||
+                       (tampering == PeerTampering::hides_stops && is_stop(envelope)) ||
+                       (tampering == PeerTampering::hides_controls && is_control(envelope)) ||
+                       tampering == PeerTampering::hides_all ||
+                       (tampering == PeerTampering::hides_some && drawn(seed_, block.header().number() + i) % 3 == 0);
     if (hides) flags[i] = static_cast<char>(protos::MVCC_READ_CONFLICT);
-    if (lie == PeerTampering::hides_stops_as_double && is_stop(envelope))
+    if (tampering == PeerTampering::hides_stops_as_double && is_stop(envelope))
       flags[i] = static_cast<char>(protos::DUPLICATE_TXID);
-    if (lie == PeerTampering::trusts_own) flags[i] = static_cast<char>(protos::VALID);
+    if (tampering == PeerTampering::trusts_own) flags[i] = static_cast<char>(protos::VALID);
   }
-  if (lie == PeerTampering::no_flags) flags.clear();
+  if (tampering == PeerTampering::no_flags) flags.clear();
   block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
 }
 
-/// False: there is nothing in this block to bend.
-bool ServingPeer::bend_data(PeerTampering lie, common::Block& block) {
+/// False: there is nothing in this block to tamper with.
+bool ServingPeer::tamper_data(PeerTampering tampering, common::Block& block) {
   auto& data = *block.mutable_data();
   const auto command = std::find_if(data.mutable_data()->begin(), data.mutable_data()->end(), is_command);
   const bool has_command = command != data.mutable_data()->end();
-  switch (lie) {
+  switch (tampering) {
     case PeerTampering::signs_own_stop:
       data.add_data(own_stop(keys_.peer, block.header().number()));
       return true;
@@ -310,62 +312,62 @@ bool ServingPeer::bend_data(PeerTampering lie, common::Block& block) {
       break;
   }
   if (!has_command) return false;
-  if (lie == PeerTampering::signs_broken_creator) {
+  if (tampering == PeerTampering::signs_broken_creator) {
     break_creator(*command);
-  } else if (lie == PeerTampering::signs_without_endorsement) {
+  } else if (tampering == PeerTampering::signs_without_endorsement) {
     endorse_by(*command, nullptr);
-  } else if (lie == PeerTampering::signs_outsiders_endorsement) {
+  } else if (tampering == PeerTampering::signs_outsiders_endorsement) {
     endorse_by(*command, &keys_.outsider);
-  } else if (lie == PeerTampering::signs_other_channel) {
+  } else if (tampering == PeerTampering::signs_other_channel) {
     name_channel(*command, "another");
   } else {
-    bend_plan(*command);
+    tamper_plan(*command);
   }
   return true;
 }
 
 /// A chain that leaves the ledger's behind: with its transactions, but for the commands.
-ServingPeer::BlockPtr ServingPeer::forked(PeerTampering lie, std::uint64_t wanted) {
+ServingPeer::BlockPtr ServingPeer::forked(PeerTampering tampering, std::uint64_t wanted) {
   if (!fork_ || fork_->first != wanted) fork_.emplace(wanted, node::header_hash(at(wanted - 1)->header()));
   std::vector<std::string> envelopes;
   for (const std::string& one : at(wanted)->data().data()) {
     if (!is_command(one)) envelopes.push_back(one);
   }
   auto block = std::make_shared<common::Block>(node::make_block({wanted, fork_->second}, envelopes));
-  if (lie == PeerTampering::forks) (void)node::sign_block(*block, keys_.peer);
+  if (tampering == PeerTampering::forks) (void)node::sign_block(*block, keys_.peer);
   block->mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::string(envelopes.size(), protos::VALID));
   fork_.emplace(wanted + 1, node::header_hash(block->header()));
   return block;
 }
 
-ServingPeer::BlockPtr ServingPeer::bent(PeerTampering lie, std::uint64_t wanted) {
+ServingPeer::BlockPtr ServingPeer::tampered(PeerTampering tampering, std::uint64_t wanted) {
   const BlockPtr honest = at(wanted);
-  if (lie == PeerTampering::skips) return at(wanted + 1);
-  if (lie == PeerTampering::repeats) return at(wanted - 1);
-  if (lie == PeerTampering::forks || lie == PeerTampering::forks_unsigned) return forked(lie, wanted);
+  if (tampering == PeerTampering::skips) return at(wanted + 1);
+  if (tampering == PeerTampering::repeats) return at(wanted - 1);
+  if (tampering == PeerTampering::forks || tampering == PeerTampering::forks_unsigned) return forked(tampering, wanted);
   auto block = std::make_shared<common::Block>(*honest);
   auto& signatures = *block->mutable_metadata()->mutable_metadata(common::SIGNATURES);
-  if (lie >= PeerTampering::hides_commands && lie <= PeerTampering::no_flags) {
-    bend_flags(lie, *block);
-  } else if (lie == PeerTampering::loses_block_signatures) {
+  if (tampering >= PeerTampering::hides_commands && tampering <= PeerTampering::no_flags) {
+    tamper_flags(tampering, *block);
+  } else if (tampering == PeerTampering::loses_block_signatures) {
     signatures.clear();
-  } else if (lie == PeerTampering::swaps_block_signatures) {
+  } else if (tampering == PeerTampering::swaps_block_signatures) {
     signatures = at(wanted - 1)->metadata().metadata(common::SIGNATURES);
-  } else if (lie == PeerTampering::names_other_config) {
+  } else if (tampering == PeerTampering::names_other_config) {
     name_config(signatures, wanted - 1);
-  } else if (lie == PeerTampering::mixes_headers) {
+  } else if (tampering == PeerTampering::mixes_headers) {
     *block->mutable_header() = at(wanted - 1)->header();
     block->mutable_header()->set_number(wanted);
-  } else if (lie == PeerTampering::renumbers) {
+  } else if (tampering == PeerTampering::renumbers) {
     block->mutable_header()->set_number(wanted + 1);
-  } else if (lie == PeerTampering::turns_away) {
+  } else if (tampering == PeerTampering::turns_away) {
     (*block->mutable_header()->mutable_previous_hash())[0] ^= 1;
-  } else if (lie == PeerTampering::garbage) {
+  } else if (tampering == PeerTampering::garbage) {
     block->mutable_data()->add_data("garbage");
-  } else if (lie >= PeerTampering::bends_plan && lie <= PeerTampering::signs_config) {
-    if (!bend_data(lie, *block)) return honest;
-    if (lie != PeerTampering::bends_plan) rehash(*block);
-    if (lie >= PeerTampering::signs_bent_plan) {
+  } else if (tampering >= PeerTampering::bends_plan && tampering <= PeerTampering::signs_config) {
+    if (!tamper_data(tampering, *block)) return honest;
+    if (tampering != PeerTampering::bends_plan) rehash(*block);
+    if (tampering >= PeerTampering::signs_bent_plan) {
       (void)node::sign_block(*block, keys_.peer);
       block->mutable_metadata()->set_metadata(
           common::TRANSACTIONS_FILTER,

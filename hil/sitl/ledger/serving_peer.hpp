@@ -26,7 +26,7 @@ Message parsed(const std::string& bytes) {
 std::string called_function(const std::string& envelope);
 
 /// In a command: faster, no matter who signed it.
-void bend_plan(std::string& envelope);
+void tamper_plan(std::string& envelope);
 void break_creator(std::string& envelope);
 /// By this peer alone; null: by nobody.
 void endorse_by(std::string& envelope, const crypto::SigningIdentity* peer);
@@ -78,7 +78,7 @@ enum class PeerTampering : std::uint8_t {
   // Which blocks.
   skips,       ///< the next but one
   repeats,     ///< the one before
-  grows_old,   ///< none, and its chain ends twenty blocks before the lie: for who starts behind it
+  grows_old,   ///< none, and its chain ends twenty blocks before the tampering: for who starts behind it
   renumbers,   ///< the number of the next but one
   turns_away,  ///< another previous hash
   forks,       ///< a chain of its own from here on, signed by itself
@@ -109,7 +109,7 @@ class ServingPeer {
   /// `first`: the channel's first block.
   ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys = test_peer_keys());
 
-  void set_tampering(PeerTampering lie);
+  void set_tampering(PeerTampering tampering);
   /// What the peer has ordered now: a common.Envelope; empty: nothing.
   std::string orders(TimeNs now);
   /// The next block of the ledger has come to the peer.
@@ -128,14 +128,14 @@ class ServingPeer {
     TimeNs came_ns = 0;
   };
   BlockPtr at(std::uint64_t number) const;
-  BlockPtr bent(PeerTampering lie, std::uint64_t wanted);
-  bool holds_back(PeerTampering lie, TimeNs now, const Kept& next) const;
-  void bend_flags(PeerTampering lie, common::Block& block) const;
-  bool bend_data(PeerTampering lie, common::Block& block);
-  BlockPtr forked(PeerTampering lie, std::uint64_t wanted);
+  BlockPtr tampered(PeerTampering tampering, std::uint64_t wanted);
+  bool holds_back(PeerTampering tampering, TimeNs now, const Kept& next) const;
+  void tamper_flags(PeerTampering tampering, common::Block& block) const;
+  bool tamper_data(PeerTampering tampering, common::Block& block);
+  BlockPtr forked(PeerTampering tampering, std::uint64_t wanted);
 
   const PeerKeys keys_;
-  PeerTampering lie_ = PeerTampering::none;
+  PeerTampering tampering_ = PeerTampering::none;
   std::uint64_t seed_;
   std::vector<Kept> blocks_;     ///< by number
   std::string earlier_command_;  ///< an envelope

@@ -173,7 +173,7 @@ TimeNs SimulatedLedger::delivered(TimeNs now, Member& member) {
 
 // As fabric::Client does.
 Result<std::string> SimulatedLedger::sign(const Pending& pending, const std::string& honest) {
-  const std::string envelope = relay_.bend(pending.call, honest);
+  const std::string envelope = relay_.tamper(pending.call, honest);
   fabric::EventCheck event_check;
   if (relay_.compared()) {
     event_check = [&](std::string_view name, std::string_view payload) {

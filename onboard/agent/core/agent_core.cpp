@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "common/msg/stops.hpp"
+#include "peer/transaction.pb.h"
 
 namespace ledgerline::agent {
 namespace {
@@ -57,10 +58,10 @@ bool LedgerLiveness::is_alive(TimeNs now) const {
 AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
     : config_(std::move(config)),
       batcher_(config_.batch, config_.drones, config_.seed),
-      transitions_(config_.batch, config_.drones, config_.seed + 1),
-      stop_applier_(config_.batch, config_.drones, config_.seed + 2),
-      idle_(config_.idle_evict_ns, config_.batch, config_.drones, config_.seed + 3),
-      alarms_(config_.batch, config_.drones, config_.seed + 4),
+      transitions_(config_.batch.back_off, config_.drones, config_.seed + 1),
+      stop_applier_(config_.batch.back_off, config_.drones, config_.seed + 2),
+      idle_(config_.idle_evict_ns, config_.batch.back_off, config_.drones, config_.seed + 3),
+      alarms_(config_.batch.back_off, config_.drones, config_.seed + 4),
       check_(config_.check, config_.drones, registry),
       integrity_(config_.integrity_hold_ns),
       liveness_(config_.ledger_silent_after_ns) {
@@ -89,7 +90,7 @@ void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& ou
 // link. So it is said again until link's states agree with the ledger's record.
 void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, Drone& drone, AgentOutputs& out) {
   if (now < drone.next_stop_ns) return;
-  const bool grounded = on_ground(sample.phase), link_has_stop = sample.cause == FailsafeCause::stopped;
+  const bool grounded = is_on_ground(sample.phase), link_has_stop = sample.cause == FailsafeCause::stopped;
   auto plan = check_.standing_stop(now, sample.drone);
   if (plan) {
     // A link that does not see the drone may have to land it without state; a new one knows of no stop.
@@ -104,7 +105,7 @@ void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, Drone& drone,
     plan = check_.no_stop(now, sample.drone);
     if (!plan) return;
   }
-  drone.next_stop_ns = now + (in_flight(sample.phase) ? stop_gap_ns : calm_stop_gap_ns);
+  drone.next_stop_ns = now + (is_in_flight(sample.phase) ? stop_gap_ns : calm_stop_gap_ns);
   plan->verified_ns = now;
   out.plans.push_back(*plan);
 }
@@ -112,7 +113,7 @@ void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, Drone& drone,
 void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, AgentOutputs& out) {
   Drone* ours = find_drone(drones_, drone);
   if (!ours) return;
-  const bool flies = ours->newest && in_flight(ours->newest->phase);
+  const bool flies = ours->newest && is_in_flight(ours->newest->phase);
   if (auto pose = ours->fusion.add(measured, flies)) {
     pose->drone = drone;
     ours->has_pose = true;
@@ -120,30 +121,46 @@ void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, A
   }
 }
 
-constexpr int endorsement_policy_failure = 10;  // protos.TxValidationCode
-
-void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
+void AgentCore::on_outcome(TimeNs now, std::uint64_t call_number, const fabric::Outcome& outcome, AgentOutputs& out) {
   const CheckScope scope(checks_);
-  if (transitions_.finished(now, frame, outcome) || stop_applier_.finished(now, frame, outcome) ||
-      alarms_.finished(now, frame, outcome) || end_eviction(now, frame, outcome, out)) {
-    if (outcome.kind == fabric::Outcome::Kind::committed) liveness_.on_progress();
-    return;
+  const std::uint64_t number = call_number / senders;
+  bool is_ours = false;
+  switch (static_cast<Sender>(call_number % senders)) {
+    case Sender::batcher:
+      is_ours = end_batch(now, number, outcome, out);
+      break;
+    case Sender::transitions:
+      is_ours = transitions_.finished(now, number, outcome);
+      break;
+    case Sender::stop_applier:
+      is_ours = stop_applier_.finished(now, number, outcome);
+      break;
+    case Sender::idle_evictor:
+      is_ours = end_eviction(now, number, outcome, out);
+      break;
+    case Sender::alarms:
+      is_ours = alarms_.finished(now, number, outcome);
+      break;
   }
-  const auto ended = batcher_.finished(now, frame, outcome);
-  if (!ended) return;
+  if (is_ours && outcome.kind == fabric::Outcome::Kind::committed) liveness_.on_progress();
+}
+
+bool AgentCore::end_batch(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out) {
+  const auto ended = batcher_.finished(now, number, outcome);
+  if (!ended) return false;
   if (outcome.endorsed_ns != 0)
-    out.traces.push_back(record_of(TraceKind::call_endorsed, outcome.endorsed_ns, 0, frame, ended->submitted_ns));
+    out.traces.push_back(record_of(TraceKind::call_endorsed, outcome.endorsed_ns, 0, number, ended->submitted_ns));
   if (outcome.ordered_ns != 0)
-    out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
-  if (outcome.kind == fabric::Outcome::Kind::invalidated && outcome.code == endorsement_policy_failure) {
+    out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, number, ended->submitted_ns));
+  if (outcome.kind == fabric::Outcome::Kind::invalidated && outcome.code == protos::ENDORSEMENT_POLICY_FAILURE) {
     // The contract has become a newer version, and our records have no policy yet: apply_stops renews them.
     stop_applier_.request_renewal(now);
   }
-  if (outcome.kind != fabric::Outcome::Kind::committed) return;
-  liveness_.on_progress();
+  if (outcome.kind != fabric::Outcome::Kind::committed) return true;
   stop_applier_.on_renewed();
   out.traces.push_back(
-      record_of(TraceKind::frame_committed, now, 0, ended->number, ended->submitted_ns, ended->samples.size()));
+      record_of(TraceKind::frame_committed, now, 0, number, ended->submitted_ns, ended->samples.size()));
+  return true;
 }
 
 void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
@@ -215,21 +232,22 @@ void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   checked_.clear();
 }
 
-void AgentCore::submit(TimeNs now, std::uint64_t number, fabric::Call call, bool urgent, AgentOutputs& out) {
+void AgentCore::submit(TimeNs now, Sender sender, std::uint64_t number, fabric::Call call, AgentOutputs& out) {
   liveness_.on_call(now);
-  out.submits.push_back({number, std::move(call), urgent});
+  const std::uint64_t call_number = number * senders + static_cast<std::uint64_t>(sender);
+  out.submits.push_back({call_number, std::move(call), sender != Sender::batcher});
 }
 
-void AgentCore::submit_frame(TimeNs now, AgentOutputs& out) {
-  const auto frame = batcher_.next(now);
-  if (!frame) return;
-  for (const StateSample& sample : frame->samples) {
+void AgentCore::submit_batch(TimeNs now, AgentOutputs& out) {
+  const auto batch = batcher_.next(now);
+  if (!batch) return;
+  for (const StateSample& sample : batch->samples) {
     check_.add_sent_state(sample);
     out.traces.push_back(
-        record_of(TraceKind::state_batched, now, sample.drone, sample.sequence, sample.stamp_ns, frame->number));
+        record_of(TraceKind::state_batched, now, sample.drone, sample.sequence, sample.stamp_ns, batch->number));
   }
-  out.traces.push_back(record_of(TraceKind::frame_submitted, now, 0, frame->number, 0, frame->samples.size()));
-  submit(now, frame->number, encode_frame(*frame, config_.drones, real_offset_ns_), false, out);
+  out.traces.push_back(record_of(TraceKind::frame_submitted, now, 0, batch->number, 0, batch->samples.size()));
+  submit(now, Sender::batcher, batch->number, encode_batch(*batch, config_.drones, real_offset_ns_), out);
 }
 
 void AgentCore::submit_evictions(TimeNs now, AgentOutputs& out) {
@@ -237,11 +255,11 @@ void AgentCore::submit_evictions(TimeNs now, AgentOutputs& out) {
     const bool counts = drone.newest && now - drone.newest_ns <= state_counts_ns;
     idle_.update(now, drone.drone.number,
                  {.lease = control().lease(drone.drone.number),
-                  .on_ground = counts && on_ground(drone.newest->phase),
+                  .on_ground = counts && is_on_ground(drone.newest->phase),
                   .ledger_alive = ledger_alive(now)});
   }
   while (const auto sending = idle_.next(now)) {
-    submit(now, sending->number, encode_evict(*sending), true, out);
+    submit(now, Sender::idle_evictor, sending->number, encode_evict(*sending), out);
     out.evictions.push_back({sending->drone->name, std::nullopt, {}});
   }
 }
@@ -266,15 +284,15 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   stepped_ns_ = now;
   hand_over_plans(now, out);
   while (const auto sending = stop_applier_.next(now))
-    submit(now, sending->number, encode_apply_stops(*sending), true, out);
+    submit(now, Sender::stop_applier, sending->number, encode_apply_stops(*sending), out);
   while (const auto sending = transitions_.next(now))
-    submit(now, sending->number, encode_transitions(*sending, real_offset_ns_), true, out);
+    submit(now, Sender::transitions, sending->number, encode_transitions(*sending, real_offset_ns_), out);
   log_violations(now, out);
   if (submitting_) {
     if (const auto sending = alarms_.next(now, integrity_))
-      submit(now, sending->number, encode_alarm(*sending, integrity_, now, real_offset_ns_), true, out);
+      submit(now, Sender::alarms, sending->number, encode_alarm(*sending, integrity_, now, real_offset_ns_), out);
     submit_evictions(now, out);
-    submit_frame(now, out);
+    submit_batch(now, out);
   }
   if (now >= next_heartbeat_ns_ && may_send_heartbeat(now)) {
     out.heartbeat = AgentHeartbeat{.stamp_ns = now,
@@ -289,9 +307,9 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
 }
 
 TimeNs AgentCore::due_ns() const {
-  const TimeNs frame_ns = submitting_ ? batcher_.due_ns(stepped_ns_) : INT64_MAX;
+  const TimeNs batch_ns = submitting_ ? batcher_.due_ns(stepped_ns_) : INT64_MAX;
   // One that is over already waits for poses, which come with a step of their own.
-  return next_heartbeat_ns_ > stepped_ns_ ? std::min(frame_ns, next_heartbeat_ns_) : frame_ns;
+  return next_heartbeat_ns_ > stepped_ns_ ? std::min(batch_ns, next_heartbeat_ns_) : batch_ns;
 }
 
 DroneReport AgentCore::report(DroneNumber drone) const {

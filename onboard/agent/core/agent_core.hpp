@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/check.hpp"
+#include "common/base/enum_count.hpp"
 #include "common/fabric/calls/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/histogram.hpp"
@@ -28,8 +29,8 @@ struct AgentConfig {
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
   TimeNs idle_evict_ns = usual_idle_ns;  ///< 0: never, see IdleEvictor
   /// How long an integrity violation counts: longer than a stream's reconnect, and than the time between two
-  /// comparisons with another organisation's records. Half: a lie that goes on would be trusted again and again.
-  /// Double: drones stay on the ground for longer, where link asks for that.
+  /// comparisons with another organisation's records. Half: a ledger under lasting tampering would be trusted
+  /// repeatedly. Double: drones stay on the ground for longer, where link asks for that.
   TimeNs integrity_hold_ns = 10 * ns_per_s;
   std::uint64_t seed = 1;  ///< of the back-off's jitter
 };
@@ -37,9 +38,9 @@ struct AgentConfig {
 /// What the agent wants done. Calls of AgentCore append; the shell acts on it and clears it.
 struct AgentOutputs {
   struct Submit {
-    std::uint64_t frame = 0;  ///< give it back to on_outcome()
+    std::uint64_t call_number = 0;  ///< give it back to on_outcome()
     fabric::Call call;
-    bool urgent = false;  ///< transitions, alarms, applied stops, evictions: must not wait behind states
+    bool urgent = false;  ///< all but states: must not wait behind them
   };
   std::vector<Submit> submits;
   std::vector<Plan> plans;  ///< to link
@@ -88,9 +89,9 @@ struct DroneReport {
   Histogram two_way;                    ///< verified - state stamp
 };
 
-/// The agent without its I/O: batches states into frames, checks commands from blocks, fuses mocap, sends heartbeats.
-/// Inputs first, then step() with the same or a later time: frames, verified plans and the heartbeat come out of step()
-/// alone, so that `verified_ns` is the time of handing over, checking included. Call step() after every burst of
+/// The agent without its I/O: sends states in batches, checks commands from blocks, fuses mocap, sends heartbeats.
+/// Inputs first, then step() with the same or a later time: batches, verified plans and the heartbeat come out of
+/// step() alone, so that `verified_ns` is the time of handing over, checking included. Call step() after every burst of
 /// inputs, when due_ns() says so, and at least every few milliseconds: what is sent again after a failure waits for no
 /// less. `now` never goes back. One thread; deterministic: the same inputs give the same outputs.
 class AgentCore {
@@ -109,7 +110,7 @@ class AgentCore {
   void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
   void on_transition(const Transition& transition) { transitions_.add(transition); }
   void on_mocap(TimeNs now, DroneNumber drone, const MocapPose& measured, AgentOutputs& out);
-  void on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out);
+  void on_outcome(TimeNs now, std::uint64_t call_number, const fabric::Outcome& outcome, AgentOutputs& out);
   void on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
   /// One that the stream refused: stops are taken from it, and nothing else.
   void on_refused_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
@@ -121,17 +122,17 @@ class AgentCore {
   void step(TimeNs now, AgentOutputs& out);
   /// Checks that failed in step(): the heartbeats say so from then on, and link lands the drones.
   const CheckLog& checks() const { return checks_; }
-  /// After step(): when the next frame or heartbeat is due, if nothing comes before; INT64_MAX: none is.
+  /// After step(): when the next batch or heartbeat is due, if nothing comes before; INT64_MAX: none is.
   TimeNs due_ns() const;
   /// Writes integrity violations to the log now: step() does it, too, but not before there is a stream.
   void log_violations(TimeNs now, AgentOutputs& out);
 
-  /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and
+  /// From now on step() makes no batch of states and evicts nobody; what is in flight may end, and transitions and
   /// apply_stops still go. For an orderly end.
   void stop_submitting() { submitting_ = false; }
   bool has_calls_in_flight() const {
-    return batcher_.in_flight() > 0 || transitions_.pending() || stop_applier_.pending() || idle_.in_flight() ||
-           alarms_.in_flight();
+    return batcher_.calls_in_flight() > 0 || transitions_.pending() || stop_applier_.pending() ||
+           idle_.has_call_in_flight() || alarms_.has_call_in_flight();
   }
 
   bool ledger_alive(TimeNs now) const { return liveness_.is_alive(now); }
@@ -163,8 +164,13 @@ class AgentCore {
   };
   void repeat_stop(TimeNs now, const StateSample& sample, Drone& drone, AgentOutputs& out);
   void hand_over_plans(TimeNs now, AgentOutputs& out);
-  void submit(TimeNs now, std::uint64_t number, fabric::Call call, bool urgent, AgentOutputs& out);
-  void submit_frame(TimeNs now, AgentOutputs& out);
+  /// Who makes calls, each numbering its own. All calls: number * senders + sender.
+  enum class Sender : std::uint8_t { batcher, transitions, stop_applier, idle_evictor, alarms };
+  static constexpr std::uint64_t senders = enum_count<Sender>;
+  void submit(TimeNs now, Sender sender, std::uint64_t number, fabric::Call call, AgentOutputs& out);
+  /// False: no such call is in flight.
+  bool end_batch(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
+  void submit_batch(TimeNs now, AgentOutputs& out);
   void submit_evictions(TimeNs now, AgentOutputs& out);
   void apply(TimeNs now, const fabric::Block& block, const CheckedBlock& checked, AgentOutputs& out);
   void add_violations(TimeNs now, const fabric::Block& block, const CheckedBlock& checked);

@@ -8,54 +8,37 @@
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/verification/calls.hpp"
+#include "peer/transaction.pb.h"
 
 namespace ledgerline::agent {
-namespace {
-
-constexpr int duplicate_tx_id = 9;  // protos.TxValidationCode
-
-}  // namespace
 
 CommandCheck::CommandCheck(CheckConfig config, const std::vector<DroneName>& drones, crypto::MspRegistry& registry)
     : config_(std::move(config)),
       transactions_(config_.where, registry),
       control_(config_.msp_id, drones, transactions_) {
-  for (const DroneName& name : drones) drones_.push_back({.name = name});
-}
-
-CommandCheck::Drone* CommandCheck::find(std::string_view name) {
-  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.name == name; });
-  return it == drones_.end() ? nullptr : &*it;
-}
-
-const CommandCheck::Drone* CommandCheck::find(DroneNumber number) const {
-  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
-  return it == drones_.end() ? nullptr : &*it;
+  for (const DroneName& drone : drones) drones_.push_back({.drone = drone});
 }
 
 const CommandCheck::Counters& CommandCheck::counters(DroneNumber number) const {
   static const Counters not_ours;
-  const Drone* drone = find(number);
+  const Drone* drone = find_drone(drones_, number);
   return drone ? drone->counters : not_ours;
 }
 
 void CommandCheck::set_evicting(DroneNumber number, bool evicting) {
-  for (Drone& drone : drones_) {
-    if (drone.name.number == number) drone.evicting = evicting;
-  }
+  if (Drone* drone = find_drone(drones_, number)) drone->evicting = evicting;
 }
 
 void CommandCheck::add_sent_state(const StateSample& sample) {
-  const auto it =
-      std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == sample.drone; });
-  if (it == drones_.end()) return;
-  if (it->boot_id != sample.boot_id) {
-    it->boot_id = sample.boot_id;
-    it->stamps.clear();
+  Drone* drone = find_drone(drones_, sample.drone);
+  if (!drone) return;
+  if (drone->boot_id != sample.boot_id) {
+    drone->boot_id = sample.boot_id;
+    drone->stamps.clear();
   }
-  if (!it->stamps.empty() && it->stamps.back() >= sample.stamp_ns) return;  // sent again
-  it->stamps.push_back(sample.stamp_ns);
-  if (it->stamps.size() > config_.stamps_kept) it->stamps.pop_front();
+  if (!drone->stamps.empty() && drone->stamps.back() >= sample.stamp_ns) return;  // sent again
+  drone->stamps.push_back(sample.stamp_ns);
+  if (drone->stamps.size() > config_.stamps_kept) drone->stamps.pop_front();
 }
 
 CheckedBlock CommandCheck::check(TimeNs now, std::int64_t now_s, const fabric::Block& block) {
@@ -76,9 +59,9 @@ CheckedBlock CommandCheck::check(TimeNs now, std::int64_t now_s, const fabric::B
     if (tx.code == 0 && !stops && verification::is_control_event(tx.event_name))
       control_.check_control_event(now, now_s, tx, out);
     // A stop that is there again was heard before; that it is, a peer may only say.
-    const bool again = tx.code == duplicate_tx_id && !tx.by_flag;
+    const bool again = tx.code == protos::DUPLICATE_TXID && !tx.by_flag;
     if (!again && (stops || tx.function == contract::stop)) control_.check_stop(tx, out);
-    for (std::size_t i = first; i < out.plans.size(); ++i) number(now, out.plans[i]);
+    for (std::size_t i = first; i < out.plans.size(); ++i) assign_sequence(now, out.plans[i]);
   }
   unverified_transactions_ += out.unverified;
   return out;
@@ -92,10 +75,10 @@ CheckedBlock CommandCheck::check_refused(TimeNs now, const fabric::Block& block)
     tx.code = -1;
     tx.event_name.clear();
     tx.event_payload.clear();
-    tx.creator_fits = false;
+    tx.signature_verified = false;
     control_.check_stop(tx, out);
   }
-  for (Plan& plan : out.plans) number(now, plan);
+  for (Plan& plan : out.plans) assign_sequence(now, plan);
   return out;
 }
 
@@ -108,18 +91,18 @@ void CommandCheck::check_commands(TimeNs now, std::int64_t now_s, const fabric::
     out.refused.push_back({.why = RefusalReason::malformed});
     return;
   }
-  const bool ours =
-      std::any_of(call.plans().begin(), call.plans().end(), [&](const auto& p) { return find(p.drone()); });
+  const bool ours = std::any_of(call.plans().begin(), call.plans().end(),
+                                [&](const auto& p) { return find_drone(drones_, p.drone()); });
   if (!ours) return;
 
   access::Caller signer;
   const RefusalReason whole = check_whole(now_s, tx, out, signer);
   for (const DronePlan& plan : call.plans()) {
-    Drone* drone = find(plan.drone());
+    Drone* drone = find_drone(drones_, plan.drone());
     if (!drone) continue;
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
     if (whole == RefusalReason::none && is_under_lease(*drone, signer.name, plan))
-      out.commanded.push_back(drone->name.number);
+      out.commanded.push_back(drone->drone.number);
     const RefusalReason why = whole != RefusalReason::none ? whole : check_plan(now, *drone, signer.name, plan);
     if (why != RefusalReason::none) {
       refuse(*drone, plan, why, out);
@@ -128,7 +111,7 @@ void CommandCheck::check_commands(TimeNs now, std::int64_t now_s, const fabric::
     drone->epoch = plan.epoch();
     drone->last_sequence = plan.sequence();
     ++drone->counters.verified;
-    out.plans.push_back(verification::plan_of(drone->name.number, plan));
+    out.plans.push_back(verification::plan_of(drone->drone.number, plan));
   }
 }
 
@@ -142,7 +125,7 @@ RefusalReason CommandCheck::check_whole(std::int64_t now_s, const fabric::Transa
 void CommandCheck::refuse(Drone& drone, const DronePlan& plan, RefusalReason why, CheckedBlock& out) {
   ++drone.counters.refused;
   ++drone.counters.reasons[static_cast<std::size_t>(why)];
-  out.refused.push_back({drone.name.number, plan.sequence(), plan.state_stamp_ns(), why});
+  out.refused.push_back({drone.drone.number, plan.sequence(), plan.state_stamp_ns(), why});
 }
 
 // Counted for every drone that was asked for, and for every one that the event names instead. The reason matters
@@ -155,7 +138,7 @@ void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall ask
                                            : RefusalReason::altered;
   std::vector<const Drone*> counted;
   for (const DronePlan& plan : asked.plans()) {
-    Drone* drone = find(plan.drone());
+    Drone* drone = find_drone(drones_, plan.drone());
     if (!drone || std::find(counted.begin(), counted.end(), drone) != counted.end()) continue;
     counted.push_back(drone);
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
@@ -164,16 +147,16 @@ void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall ask
 }
 
 bool CommandCheck::is_under_lease(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const {
-  const Control* record = control_.control(drone.name.number);
+  const Control* record = control_.control(drone.drone.number);
   return record && to_name(commander_of(*record)) == signer && plan.epoch() == record->epoch();
 }
 
 RefusalReason CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer,
                                        const DronePlan& plan) const {
-  const Control* record = control_.control(drone.name.number);
+  const Control* record = control_.control(drone.drone.number);
   if (!record || to_name(commander_of(*record)) != signer) return RefusalReason::not_holder;
   if (is_lease_revoked(*record)) return RefusalReason::revoked;
-  const bool stopped = control_.standing_stop(drone.name.number).has_value();
+  const bool stopped = control_.standing_stop(drone.drone.number).has_value();
   if (access::is_outranked_by_stop(stopped, plan.action())) return RefusalReason::stopped;
   if (plan.epoch() != record->epoch()) return RefusalReason::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return RefusalReason::foreign_boot;
@@ -206,20 +189,20 @@ std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) 
   const auto action = control_.standing_stop(number);
   if (!action) return std::nullopt;
   Plan plan{.drone = number, .action = *action, .setpoints = {}};
-  this->number(now, plan);
+  assign_sequence(now, plan);
   return plan;
 }
 
 std::optional<Plan> CommandCheck::no_stop(TimeNs now, DroneNumber number) const {
   if (!control_.control(number) || control_.standing_stop(number)) return std::nullopt;
   Plan plan{.drone = number, .action = PlanAction::stop_cleared, .setpoints = {}};
-  this->number(now, plan);
+  assign_sequence(now, plan);
   return plan;
 }
 
-void CommandCheck::number(TimeNs now, Plan& plan) const {
+void CommandCheck::assign_sequence(TimeNs now, Plan& plan) const {
   if (!is_contract_action(plan.action)) return;
-  const Drone* drone = find(plan.drone);
+  const Drone* drone = find_drone(drones_, plan.drone);
   const Control* record = control_.control(plan.drone);
   if (!LEDGERLINE_CHECK(drone && record, "a contract's action is for a drone whose record is known", plan.drone))
     return;

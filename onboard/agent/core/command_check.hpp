@@ -4,7 +4,6 @@
 #include <deque>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/msg/contract.hpp"
@@ -55,8 +54,8 @@ class CommandCheck {
   void set_evicting(DroneNumber number, bool evicting);
   /// `now_s`: real time, for the certificates' validity.
   CheckedBlock check(TimeNs now, std::int64_t now_s, const fabric::Block& block);
-  /// A block that the stream refused: of no chain, by nobody's flag. A stop proves itself by its signer, nothing else
-  /// does.
+  /// A block that the stream refused: chain and flags are ignored. Only stops are read, checked by their creators'
+  /// signatures and rights.
   CheckedBlock check_refused(TimeNs now, const fabric::Block& block);
 
   /// The stop of which link is to know; none when the drone is not stopped.
@@ -66,24 +65,21 @@ class CommandCheck {
 
   const Counters& counters(DroneNumber number) const;
   std::uint64_t height() const { return chain_.height(); }
-  const std::string& chain_hash() const { return chain_.hash(); }  ///< of the newest block's header; empty before one
   std::uint64_t broken_blocks() const { return broken_blocks_; }
   std::uint64_t malformed_commands() const { return malformed_commands_; }            ///< of no drone, therefore
   std::uint64_t unverified_transactions() const { return unverified_transactions_; }  ///< of anybody
 
  private:
   struct Drone {
-    DroneName name;
+    DroneName drone;
     std::uint64_t boot_id = 0;
     std::deque<TimeNs> stamps{};
     std::uint64_t epoch = 0, last_sequence = 0;  ///< the newest plan accepted under that epoch
     bool evicting = false;
     Counters counters{};
   };
-  Drone* find(std::string_view name);
-  const Drone* find(DroneNumber number) const;
   /// Completes the plan of a contract's action, as newer than any that link has.
-  void number(TimeNs now, Plan& plan) const;
+  void assign_sequence(TimeNs now, Plan& plan) const;
   bool is_under_lease(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   void check_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, CheckedBlock& out);
   RefusalReason check_whole(std::int64_t now_s, const fabric::Transaction& tx, const CheckedBlock& out,

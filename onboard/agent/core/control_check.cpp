@@ -1,103 +1,30 @@
 #include "onboard/agent/core/control_check.hpp"
 
 #include <algorithm>
-#include <array>
+#include <utility>
 
 #include "common/base/check.hpp"
-#include "common/common.pb.h"
-#include "common/fabric/tx/form.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
-#include "peer/proposal.pb.h"
-#include "peer/proposal_response.pb.h"
-#include "peer/transaction.pb.h"
 
 namespace ledgerline::agent {
-namespace {
-
-constexpr std::array reason_names{"none",          "broken_chain", "invalid_transaction",
-                                  "wrong_channel", "malformed",    "unknown_signer",
-                                  "bad_signature", "not_endorsed", "not_holder",
-                                  "stopped",       "wrong_epoch",  "foreign_boot",
-                                  "unknown_stamp", "replayed",     "too_old",
-                                  "over_limits",   "altered",      "revoked",
-                                  "evicting",      "may_not_stop"};
-static_assert(reason_names.size() == refusal_count);
-
-/// Whether the result that the endorsers signed is that of the transaction's own proposal, which names creator and
-/// call: else a result endorsed for somebody else could be put into one's own transaction. Fabric's peers check the
-/// same; this check does not lean on them. As Fabric's protoutil.GetProposalHash2. False for malformed bytes.
-bool result_is_of_own_proposal(const fabric::Transaction& tx) {
-  protos::ProposalResponsePayload response;
-  common::Payload payload;
-  protos::Transaction transaction;
-  protos::ChaincodeActionPayload action;
-  if (!response.ParseFromString(tx.response_payload) || !payload.ParseFromString(tx.payload) ||
-      !transaction.ParseFromString(payload.data()) || transaction.actions_size() != 1 ||
-      !action.ParseFromString(transaction.actions(0).payload())) {
-    return false;
-  }
-  return response.proposal_hash() == fabric::proposal_hash(payload.header().channel_header(),
-                                                           payload.header().signature_header(),
-                                                           action.chaincode_proposal_payload());
-}
-
-}  // namespace
-
-std::string_view refusal_name(RefusalReason reason) { return reason_names.at(static_cast<std::size_t>(reason)); }
-
-RefusalReason TransactionCheck::check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx,
-                                              access::Caller& signer) const {
-  if (tx.channel != where_.channel || tx.contract != where_.contract) return RefusalReason::wrong_channel;
-  const auto creator = registry_.member(tx.creator, now_s);
-  if (!creator) return RefusalReason::unknown_signer;
-  if (!fabric::creator_signed(tx, *(*creator)->verifier)) return RefusalReason::bad_signature;
-  signer = {(*creator)->name, (*creator)->admin};
-  return RefusalReason::none;
-}
-
-RefusalReason TransactionCheck::check(std::int64_t now_s, const fabric::Transaction& tx,
-                                      const verification::Organisations& endorsers, access::Caller& signer) const {
-  const RefusalReason why = check_creator(now_s, tx, signer);
-  return why != RefusalReason::none || is_endorsed_by(endorsers, now_s, tx) ? why : RefusalReason::not_endorsed;
-}
-
-bool TransactionCheck::is_endorsed_by(const verification::Organisations& organisations,
-                                      std::optional<std::int64_t> now_s, const fabric::Transaction& tx) const {
-  if (!result_is_of_own_proposal(tx)) return false;
-  return std::any_of(tx.endorsements.begin(), tx.endorsements.end(), [&](const fabric::Endorsement& e) {
-    const auto endorser = registry_.member(e.endorser, now_s);
-    // Peers alone: any other member of the organisation, this agent included, could sign a result of its own making.
-    return endorser && (*endorser)->peer && organisations.contains((*endorser)->name.msp_id) &&
-           fabric::endorser_signed(tx, e, *(*endorser)->verifier);
-  });
-}
 
 ControlCheck::ControlCheck(std::string msp_id, const std::vector<DroneName>& drones, TransactionCheck transactions)
     : msp_id_(std::move(msp_id)), transactions_(std::move(transactions)) {
-  for (const DroneName& name : drones) drones_.push_back({.name = name});
-}
-
-ControlCheck::Drone* ControlCheck::find(std::string_view name) {
-  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.name == name; });
-  return it == drones_.end() ? nullptr : &*it;
-}
-
-const ControlCheck::Drone* ControlCheck::find(DroneNumber number) const {
-  const auto it = std::find_if(drones_.begin(), drones_.end(), [&](const Drone& d) { return d.name.number == number; });
-  return it == drones_.end() ? nullptr : &*it;
+  for (const DroneName& drone : drones) drones_.push_back({.drone = drone});
 }
 
 const Control* ControlCheck::control(DroneNumber number) const {
-  const Drone* drone = find(number);
+  const Drone* drone = find_drone(drones_, number);
   return drone && drone->control ? &*drone->control : nullptr;
 }
 
 std::optional<PlanAction> ControlCheck::standing_stop(DroneNumber number) const {
   const Control* record = control(number);
-  if (!record || !(is_stopped(*record) || find(number)->pending_stop)) return std::nullopt;
+  if (!record || !(is_stopped(*record) || find_drone(drones_, number)->pending_stop != PendingStop::none))
+    return std::nullopt;
   return is_cut(*record) ? PlanAction::cut : PlanAction::stop;
 }
 
@@ -122,7 +49,7 @@ verification::Organisations ControlCheck::await_roles() {
 }
 
 void ControlCheck::set_control(const Control& control) {
-  if (Drone* drone = find(control.drone())) drone->control = control;
+  if (Drone* drone = find_drone(drones_, control.drone())) drone->control = control;
 }
 
 FirstRecords ControlCheck::records() const {
@@ -134,10 +61,8 @@ FirstRecords ControlCheck::records() const {
 }
 
 void ControlCheck::on_landed(DroneNumber number) {
-  for (Drone& drone : drones_) {
-    if (drone.name.number == number && drone.pending_stop && drone.pending_stop->not_on_ledger)
-      drone.pending_stop.reset();
-  }
+  Drone* drone = find_drone(drones_, number);
+  if (drone && drone->pending_stop == PendingStop::not_on_ledger) drone->pending_stop = PendingStop::none;
 }
 
 std::optional<verification::ControlEvent> ControlCheck::verified_event(std::int64_t now_s,
@@ -166,11 +91,11 @@ void ControlCheck::refuse(RefusalReason why, DroneNumber drone, CheckedBlock& ou
   out.refused.push_back({.drone = drone, .why = why});
 }
 
-// Anybody's role does: who has one may stop.
+// Any role change concerns us: it may allow a stop.
 bool ControlCheck::concerns_us(const Controls& reported) {
   const auto& all = reported.controls();
   return reported.has_identity() ||
-         std::any_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); });
+         std::any_of(all.begin(), all.end(), [&](const auto& one) { return find_drone(drones_, one.drone()); });
 }
 
 // As a whole or not at all, as on the ledger.
@@ -179,12 +104,12 @@ bool ControlCheck::event_follows(const verification::ControlEvent& event, const 
   bool follows = !verification::role_change(event) || verification::role_follows(event, signer);
   if (!follows) refuse(RefusalReason::altered, 0, out);
   for (const Control& control : event.controls.controls()) {
-    const Drone* drone = find(control.drone());
+    const Drone* drone = find_drone(drones_, control.drone());
     if (!drone) continue;
     if (drone->control && drone->control->has_owner() &&
         verification::control_follows(event, *drone->control, control, signer))
       continue;
-    refuse(RefusalReason::altered, drone->name.number, out);
+    refuse(RefusalReason::altered, drone->drone.number, out);
     follows = false;
   }
   return follows;
@@ -201,7 +126,7 @@ void ControlCheck::check_control_event(TimeNs now, std::int64_t now_s, const fab
 
 void ControlCheck::apply_control(TimeNs now, const verification::ControlEvent& event, const Control& control,
                                  const access::Caller& signer, CheckedBlock& out) {
-  Drone* drone = find(control.drone());
+  Drone* drone = find_drone(drones_, control.drone());
   if (!drone) return;
   const Control before = *std::exchange(drone->control, control);
   LEDGERLINE_CHECK(control.epoch() >= before.epoch(), "a record's epoch does not go back", control.drone(),
@@ -213,24 +138,24 @@ void ControlCheck::apply_control(TimeNs now, const verification::ControlEvent& e
   // does, until the first plan of the other: nobody holds it up in between.
   const bool lost = function != contract::hand_over && before.has_holder() && control.epoch() > before.epoch() &&
                     to_name(commander_of(before)) != to_name(commander_of(control));
-  // Takes what link still has of another's plans away: newer than any of the lease before, older than the first of the
-  // next.
+  // An empty plan, which makes link drop the previous lease's plans: newer than any of those, older than the next
+  // lease's first.
   if (lost)
-    out.plans.push_back({.drone = drone->name.number,
+    out.plans.push_back({.drone = drone->drone.number,
                          .action = PlanAction::fly,
                          .epoch = control.epoch(),
                          .state_stamp_ns = now,
                          .setpoints = {}});
   // What no record shows after its host's apply_stops, or after somebody cleared stops, the ledger never had.
-  if (drone->pending_stop && !is_stopped(control)) {
-    if (function == contract::apply_stops) drone->pending_stop->not_on_ledger = true;
-    if (function == contract::clear_stop) drone->pending_stop.reset();
+  if (drone->pending_stop != PendingStop::none && !is_stopped(control)) {
+    if (function == contract::apply_stops) drone->pending_stop = PendingStop::not_on_ledger;
+    if (function == contract::clear_stop) drone->pending_stop = PendingStop::none;
   }
   const bool cleared = function == contract::clear_stop && is_stopped(before) && !is_stopped(control);
-  if (!cleared || drone->pending_stop) return;
+  if (!cleared || drone->pending_stop != PendingStop::none) return;
   // A member of the owner's organisation also acts for the person who pressed the key beside the drone.
   const bool owners = signer.name.msp_id == control.owner().msp_id();
-  out.plans.push_back({.drone = drone->name.number,
+  out.plans.push_back({.drone = drone->drone.number,
                        .action = owners ? PlanAction::stop_cleared_by_owner : PlanAction::stop_cleared,
                        .setpoints = {}});
 }
@@ -241,7 +166,7 @@ void ControlCheck::apply_role_change(const verification::RoleChange& change, Che
   for (Drone& drone : drones_) {
     if (!drone.control) continue;
     apply_role(*drone.control, change.identity, change.role);
-    if (is_revoked(*drone.control, change.identity)) out.revoked.push_back(drone.name.number);
+    if (is_revoked(*drone.control, change.identity)) out.revoked.push_back(drone.drone.number);
   }
 }
 
@@ -253,7 +178,7 @@ void ControlCheck::check_stop(const fabric::Transaction& tx, CheckedBlock& out) 
   const bool valid = tx.code == 0 && tx.event_name == contract::stop;
   Stops reported;
   if (valid && !parse_message(tx.event_payload, reported)) reported.Clear();
-  const auto ours = [this](const auto& name) { return find(name) != nullptr; };
+  const auto ours = [this](const auto& name) { return find_drone(drones_, name) != nullptr; };
   const bool asks = asked && std::any_of(asked->drones().begin(), asked->drones().end(), ours);
   const bool reports =
       std::any_of(reported.stops().begin(), reported.stops().end(), [&](const Stop& s) { return ours(s.drone()); });
@@ -278,45 +203,45 @@ void ControlCheck::check_stop(const fabric::Transaction& tx, CheckedBlock& out) 
       .is_repeated = std::find(obeyed_stops_.begin(), obeyed_stops_.end(), tx.tx_id) != obeyed_stops_.end(),
       .event = event ? &*event : nullptr};
   for (Drone& drone : drones_) {
-    if (std::find(asked->drones().begin(), asked->drones().end(), drone.name.name) == asked->drones().end()) continue;
-    const Stop stop = verification::signed_stop(*asked, tx.event_payload, drone.name.name, to_message(signer.name));
+    if (std::find(asked->drones().begin(), asked->drones().end(), drone.drone.name) == asked->drones().end()) continue;
+    const Stop stop = verification::signed_stop(*asked, tx.event_payload, drone.drone.name, to_message(signer.name));
     apply_stop(given, stop, drone, out);
   }
 }
 
 void ControlCheck::apply_stop(const SignedStop& given, const Stop& stop, Drone& drone, CheckedBlock& out) {
   Control record = drone.control.value_or(Control());
-  record.set_drone(drone.name.name);  // none was read yet: it is stopped for any pilot
+  record.set_drone(drone.drone.name);  // none was read yet: it is stopped for any pilot
   const Stop* reported = nullptr;
   if (given.event != nullptr) {
     const auto& stops = given.event->stops.stops();  // of exactly the drones that were asked for
     reported = &*std::find_if(stops.begin(), stops.end(), [&](const Stop& one) { return one.drone() == stop.drone(); });
     if (!verification::stop_follows(*given.event, record, *reported, given.signer)) {
-      refuse(RefusalReason::altered, drone.name.number, out);
+      refuse(RefusalReason::altered, drone.drone.number, out);
       reported = nullptr;
     }
   }
   const bool vouched = reported != nullptr && given.is_endorsed;
   if (!vouched && access::check_stop(record, given.signer, roles_.of(given.signer.name), false)) {
     const bool known = reported == nullptr && given.tx.code == 0;  // as altered
-    if (!known) refuse(RefusalReason::may_not_stop, drone.name.number, out);
+    if (!known) refuse(RefusalReason::may_not_stop, drone.drone.number, out);
     return;
   }
   if (stop.clears() < clears_of(record, stop.stopper())) return;
   if (reported != nullptr) add_stop(record, *reported);
   if (!is_stopped_by(record, stop.stopper())) {
     if (given.is_repeated) return;
-    drone.pending_stop = PendingStop{};
+    drone.pending_stop = PendingStop::unconfirmed;
     if (obeyed_stops_.empty() || obeyed_stops_.back() != given.tx.tx_id) obeyed_stops_.push_back(given.tx.tx_id);
     if (obeyed_stops_.size() > max_remembered_stops) obeyed_stops_.pop_front();
     ++unconfirmed_stops_;
-    const bool validated = given.tx.creator_fits && !given.tx.by_flag && given.tx.problem.empty();
-    out.unconfirmed.push_back({drone.name.number, given.signer.name, given.tx.code, validated});
+    const bool validated = given.tx.signature_verified && !given.tx.by_flag && given.tx.problem.empty();
+    out.unconfirmed.push_back({drone.drone.number, given.signer.name, given.tx.code, validated});
   }
   drone.control = std::move(record);
-  const auto stands = standing_stop(drone.name.number);
-  if (LEDGERLINE_CHECK(stands, "a drone that somebody has stopped is stopped", drone.name.name))
-    out.plans.push_back({.drone = drone.name.number, .action = *stands, .setpoints = {}});
+  const auto stands = standing_stop(drone.drone.number);
+  if (LEDGERLINE_CHECK(stands, "a drone that somebody has stopped is stopped", drone.drone.name))
+    out.plans.push_back({.drone = drone.drone.number, .action = *stands, .setpoints = {}});
 }
 
 }  // namespace ledgerline::agent

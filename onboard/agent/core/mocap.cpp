@@ -15,7 +15,7 @@ constexpr double first_velocity_sigma_mps = 2.0;
 bool is_finite(const std::array<double, 3>& v) {
   return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
 }
-bool finite(const MocapPose& m) { return is_finite(m.position_m) && std::isfinite(m.yaw_rad); }
+bool is_finite(const MocapPose& m) { return is_finite(m.position_m) && std::isfinite(m.yaw_rad); }
 
 }  // namespace
 
@@ -37,7 +37,7 @@ bool Fusion::frozen(const MocapPose& measured) {
 }
 
 std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
-  if (!finite(measured)) {
+  if (!is_finite(measured)) {
     ++counters_.not_finite;
     return std::nullopt;
   }

@@ -12,8 +12,8 @@
 namespace ledgerline::agent {
 namespace {
 
-// All that hurries wakes the loop. This is for what does not: calls that go again after a back-off, the end of the
-// program, a link of an older build, which does not ring. Halved it costs CPU, doubled a call that failed waits longer.
+// Urgent events wake the loop. This bounds the wait for retries, shutdown, and older links that send no wakeup. Halved
+// it costs CPU, doubled a call that failed waits longer.
 constexpr TimeNs max_wait_ns = 5 * ns_per_ms;
 constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
@@ -111,7 +111,7 @@ void Agent::receive_from_link() {
   };
   StateSample sample;
   while (end_->receive_state(sample)) {
-    if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
+    if (is_in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
     if (AgentShell* shell = of(sample.drone)) shell->on_state(sample);
   }
   // Link keeps one that nobody takes, and sends it again.
@@ -140,7 +140,7 @@ void Agent::run_periodic_tasks(TimeNs now) {
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
     const auto days = certificates_ ? std::optional(certificates_->days_left()) : std::nullopt;
     for (const Slot& slot : channels_) {
-      if (!slot.reaching.valid()) slot.shell->write_status(now, days);  // else another thread has it
+      if (slot.up()) slot.shell->write_status(now, days);  // else another thread has it
     }
   }
   if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().message);

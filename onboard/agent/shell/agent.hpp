@@ -16,7 +16,7 @@ namespace ledgerline::agent {
 
 /// The agent as a process: an AgentShell for each channel, and what they share, which is the iceoryx end, RouDi's
 /// watch, trace, status and summary. One main loop: it waits for the mailboxes, for link, which wakes it behind each
-/// state, and for the moment at which a frame or heartbeat is due; it has no period.
+/// state, and for the moment at which a batch or heartbeat is due; it has no period.
 class Agent {
  public:
   /// `settings`: of the process. `quit` is watched everywhere and must outlive the agent. At least one channel, whose

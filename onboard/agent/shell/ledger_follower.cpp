@@ -56,9 +56,8 @@ RecordReader::RecordReader(Mailbox& mailbox, std::string label, std::vector<std:
 void RecordReader::require_witness() {
   unconfirmed_ = witness_ != nullptr;
   if (!witness_)
-    spdlog::warn(
-        "{}no [[endorser]] of another organisation is named: those records are this organisation's peer's word alone",
-        label_);
+    spdlog::warn("{}no [[endorser]] of another organisation is configured: control records rest on our own peer alone",
+                 label_);
 }
 
 Result<FirstRecords> RecordReader::read() {

@@ -19,9 +19,9 @@
 
 namespace ledgerline::agent {
 
-/// How a submitted frame ended.
-struct FrameEnded {
-  std::uint64_t frame = 0;
+/// How a submitted call ended.
+struct CallEnded {
+  std::uint64_t call_number = 0;
   fabric::Outcome outcome;
 };
 /// The block stream came up or broke.
@@ -42,7 +42,7 @@ struct RolesRead {
 struct SecondReading {
   Result<FirstRecords> records;
 };
-/// A block that was taken as it was ordered is the own peer's, too. Of those that are not there are few.
+/// The own peer has now delivered a block that was first taken from an orderer. Few are ever outstanding.
 using Confirmed = fabric::Client::StreamHandlers::Confirmed;
 /// A stream of blocks contradicts what is known of the channel.
 struct Contradiction {
@@ -52,10 +52,10 @@ struct Contradiction {
 struct RefusedBlock {
   fabric::Block block;
 };
-using Event = std::variant<fabric::Block, RefusedBlock, FrameEnded, StreamState, fabric::Continuation, RecordsRead,
+using Event = std::variant<fabric::Block, RefusedBlock, CallEnded, StreamState, fabric::Continuation, RecordsRead,
                            RolesRead, SecondReading, Contradiction, Confirmed>;
 
-/// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
+/// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one batch in
 /// flight; a contradiction for each attempt of the stream, which backs off).
 using Mailbox = ledgerline::Mailbox<Event>;
 
@@ -127,7 +127,7 @@ class LedgerFollower {
   void start();
   /// Waits for the block stream and the control records, each for a bounded time, with a message that names the cure.
   Status reach(const std::atomic<bool>& quit, AgentLog& log);
-  /// Anything but a FrameEnded. An error ends the agent.
+  /// Anything but a CallEnded. An error ends the agent.
   Status handle(Event& event);
   /// The newest block that the own peer has delivered too, with the records behind it.
   void store_checkpoint();

@@ -134,9 +134,10 @@ std::string status_line(const AgentCore& core, const std::string& channel, TimeN
   for (const DroneName& drone : core.drones()) {
     const DroneReport report = core.report(drone.number);
     const StateSample state = report.newest.value_or(StateSample{});
-    json line = {{"name", drone.name},           {"phase", name(state.phase)}, {"mode", name(state.mode)},
-                 {"position", state.position_m}, {"state_age_ms", nullptr},    {"command_age_ms", nullptr},
-                 {"two_way_ms", nullptr}};
+    const json position = state.pose_stamp_ns != 0 ? json(state.position_m) : json();
+    json line = {{"name", drone.name},         {"phase", name(state.phase)}, {"mode", name(state.mode)},
+                 {"position", position},       {"state_age_ms", nullptr},    {"command_age_ms", nullptr},
+                 {"height_m", state.height_m}, {"two_way_ms", nullptr}};
     if (report.newest) line["state_age_ms"] = to_ms(now - state.stamp_ns);
     if (report.last_command_verified_ns > 0) {
       line["command_age_ms"] = to_ms(now - report.last_command_verified_ns);

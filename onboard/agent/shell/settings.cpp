@@ -33,12 +33,12 @@ void read_batch(Config& config, BatchConfig& b) {
            "a batch waits so long for this host's other samples of the same instant; 0 makes a transaction of each"});
   read_ms(config, b.freshness_ns, 1, 10'000,
           {"batch.freshness_ms", "a sample that waited until it is older is dropped"});
-  read_ms(config, b.first_back_off_ns, 1, 10'000,
+  read_ms(config, b.back_off.first_ns, 1, 10'000,
           {"batch.first_back_off_ms", "pause after the first failure; doubles with each further one, with jitter"});
-  read_ms(config, b.max_back_off_ns, 1, 60'000, {"batch.max_back_off_ms", "its upper bound"});
+  read_ms(config, b.back_off.max_ns, 1, 60'000, {"batch.max_back_off_ms", "its upper bound"});
   read_ms(config, b.refused_drone_pause_ns, 0, 60'000,
           {"batch.refused_drone_pause_ms", "a drone for whose sake a batch was refused stays out so long"});
-  b.max_back_off_ns = std::max(b.max_back_off_ns, b.first_back_off_ns);
+  b.back_off.max_ns = std::max(b.back_off.max_ns, b.back_off.first_ns);
 }
 
 void read_check(Config& config, CheckConfig& c) {
@@ -128,7 +128,7 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
         "orderers' signatures, and the control records are read again"});
   s.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
   s.summary = config.text({"output.summary", "JSON file of all counts, written at the end"}, "");
-  std::int64_t status_ms = 250;
+  std::int64_t status_ms = 0;
   read(config, status_ms, 0, 60'000,
        {"output.status_period_ms", "between JSON status lines on standard output; 0: none"});
   s.status_period_ns = status_ms * ns_per_ms;

@@ -69,8 +69,8 @@ Status AgentShell::handle_events(bool link_woke) {
   link_woke_ = link_woke;
   if (link_woke) ++counters_.link_wakes;
   for (Event& event : mailbox_.pop_all()) {
-    if (const auto* ended = std::get_if<FrameEnded>(&event)) {
-      core_.on_outcome(monotonic_ns(), ended->frame, ended->outcome, out_);
+    if (const auto* ended = std::get_if<CallEnded>(&event)) {
+      core_.on_outcome(monotonic_ns(), ended->call_number, ended->outcome, out_);
       log_.outcome(ended->outcome);
     } else if (auto status = ledger_.handle(event); !status) {
       return status;
@@ -92,7 +92,7 @@ void AgentShell::finish_turn() {
   run_periodic_tasks(monotonic_ns());
 }
 
-// What link waits for goes first; signing a frame takes a moment.
+// What link waits for goes first; signing a batch takes a moment.
 void AgentShell::step_and_act() {
   core_.step(monotonic_ns(), out_);
   for (const Plan& plan : out_.plans) {
@@ -108,8 +108,8 @@ void AgentShell::step_and_act() {
   }
   for (AgentOutputs::Submit& submit : out_.submits) {
     (submit.urgent ? urgent_ : client_)
-        ->submit(std::move(submit.call), [this, frame = submit.frame](fabric::Outcome outcome) {
-          mailbox_.put(FrameEnded{frame, std::move(outcome)});
+        ->submit(std::move(submit.call), [this, call_number = submit.call_number](fabric::Outcome outcome) {
+          mailbox_.put(CallEnded{call_number, std::move(outcome)});
         });
   }
   log_.outputs(out_);

@@ -11,7 +11,7 @@ namespace {
 
 // 19 of 20 positions. With three, two drones that fly by onboard odometry soon block each other across a room.
 constexpr double blur_sigmas = 2;
-// From a drone that may be anywhere nobody can keep away, and who tried would never move again.
+// A drone this uncertain cannot be avoided; trying would block the others for ever.
 constexpr double max_sigma_m = 2;
 // For so long the page shows that the drone refused a take-off. Half is missed by who looks away; with double it stands
 // there still when the drone was put right.
@@ -50,7 +50,7 @@ void DroneLink::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
 }
 
 void DroneLink::on_pose(TimeNs now, const Pose& pose) noexcept {
-  position_.on_pose(now, pose, in_flight(session_.phase()));
+  position_.on_pose(now, pose, is_in_flight(session_.phase()));
 }
 
 void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
@@ -79,7 +79,7 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
     setpoints_.add(at.now, plan);
   } else {
     admission_.record_applied();
-    // A stop that is cleared is nothing that is flown.
+    // Clearing a stop is not recorded as flown.
     if (plan.action < PlanAction::stop_cleared) reporting_.record_applied(at, plan, setpoints_.sent());
   }
 }
@@ -183,12 +183,13 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   orders_.forget_cleared_stops();
   Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.waits_to_land());
   update_inputs(at, setpoint);
-  inputs_.blind = session_.is_blind(now);
+  inputs_.contact_lost = session_.has_lost_contact(now);
   const FailsafeMode before = failsafe_.mode;
   failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, inputs_);
-  LEDGERLINE_CHECK(before < FailsafeMode::land || failsafe_.mode >= before || inputs_.overturned || !session_.may_fly(),
+  LEDGERLINE_CHECK(before < FailsafeMode::land || failsafe_.mode >= before || inputs_.overturned ||
+                       !session_.is_possibly_in_flight(),
                    "no landing is taken back in the air", number_, name(before), name(failsafe_.mode));
-  LEDGERLINE_CHECK(!inputs_.stop || !in_flight(inputs_.phase) || failsafe_.mode >= FailsafeMode::land,
+  LEDGERLINE_CHECK(!inputs_.stop || !is_in_flight(inputs_.phase) || failsafe_.mode >= FailsafeMode::land,
                    "one that is stopped lands", number_, name(failsafe_.mode));
   obey_failsafe(now);
   if (orders_.waits_to_land() && !landing_waits(at)) session_.request_land(now);
@@ -281,13 +282,13 @@ bool DroneLink::is_too_near() const noexcept {
   const auto& clearance = setpoints_.clearance();
   if (!clearance) return false;
   return clearance->kind != Clearance::Kind::unchanged || (orders_.waits_to_land() && clearance->landing_waits) ||
-         (!session_.may_fly() && clearance->takeoff_refused);
+         (!session_.is_possibly_in_flight() && clearance->takeoff_refused);
 }
 
 Neighbour::Kind DroneLink::kind_as_neighbour(bool is_steered) const noexcept {
   const bool sinks = session_.phase() == FlightPhase::landing || failsafe_.mode == FailsafeMode::cut ||
                      (failsafe_.mode == FailsafeMode::land && !orders_.waits_to_land());
-  if (!session_.may_fly()) return Neighbour::Kind::standing;
+  if (!session_.is_possibly_in_flight()) return Neighbour::Kind::standing;
   if (sinks) return Neighbour::Kind::sinking;
   if (session_.phase() == FlightPhase::taking_off) return Neighbour::Kind::rising;
   return is_steered ? Neighbour::Kind::steered : Neighbour::Kind::held;
@@ -299,7 +300,7 @@ std::optional<Neighbour> DroneLink::as_neighbour(TimeNs now) noexcept {
   if (!in_common_frame_ || pose.stamp_ns == 0) return std::nullopt;
   const double sigma_m = std::sqrt(static_cast<double>(std::max(pose.variance[0], pose.variance[1])));
   if (sigma_m > max_sigma_m) return std::nullopt;
-  if (!session_.may_fly() && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return std::nullopt;
+  if (!session_.is_possibly_in_flight() && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return std::nullopt;
   const Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.waits_to_land());
   const bool flying = session_.phase() == FlightPhase::flying;
   const bool steered = flying && (orders_.waits_to_land() || follows_plan(failsafe_.mode, setpoint.valid));

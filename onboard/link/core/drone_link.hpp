@@ -23,7 +23,7 @@ namespace ledgerline::link {
 /// hold on to each other. Core: no I/O, no clock, no allocation after construction; one thread.
 class DroneLink {
  public:
-  /// `local_stop`: one of a link before this one stands.
+  /// `local_stop`: a local stop from an earlier link is still set.
   DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id, bool local_stop);
   DroneLink(const DroneLink&) = delete;
   DroneLink& operator=(const DroneLink&) = delete;

@@ -5,7 +5,7 @@
 namespace ledgerline::link {
 
 DropReason DroneOrders::takeoff_refusal(const Plan& plan) const noexcept {
-  if (waits_to_land() || !on_ground(session_.phase())) return DropReason::not_flying;
+  if (waits_to_land() || !is_on_ground(session_.phase())) return DropReason::not_flying;
   return plan.state_stamp_ns <= takeoff_after_ns_ ? DropReason::too_old : DropReason::none;
 }
 
@@ -26,8 +26,8 @@ void DroneOrders::request_landing(TimeNs now) noexcept {
 
 void DroneOrders::on_phase(TimeNs now, FlightPhase before, FlightPhase phase) noexcept {
   landing_requested_ns_ = 0;
-  if (in_flight(before) && !in_flight(phase)) takeoff_after_ns_ = now;
-  if (!session_.may_fly()) cut_ = false;
+  if (is_in_flight(before) && !is_in_flight(phase)) takeoff_after_ns_ = now;
+  if (!session_.is_possibly_in_flight()) cut_ = false;
 }
 
 void DroneOrders::stop(TimeNs now, const Plan& plan) noexcept {
@@ -41,7 +41,7 @@ void DroneOrders::stop(TimeNs now, const Plan& plan) noexcept {
 
 void DroneOrders::stop_locally(TimeNs now) noexcept {
   session_.land_again(now, LostLinkProtocol::Requester::local);
-  if (!session_.may_fly() || !session_.has_responded()) return;
+  if (!session_.is_possibly_in_flight() || !session_.has_responded()) return;
   local_stop_ = true;
   stopped_ns_ = std::max(stopped_ns_, now);
   stop_cleared_ = local_stop_cleared_ = false;
@@ -62,7 +62,7 @@ void DroneOrders::clear_local_stop() noexcept {
 }
 
 void DroneOrders::forget_cleared_stops() noexcept {
-  if (session_.may_fly()) return;
+  if (session_.is_possibly_in_flight()) return;
   if (stop_cleared_) stop_ = cut_ = false;
   if (local_stop_cleared_) local_stop_ = false;
   stop_cleared_ = local_stop_cleared_ = false;

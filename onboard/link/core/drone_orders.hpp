@@ -9,7 +9,7 @@ namespace ledgerline::link {
 /// agent does that. `session` outlives it. Core: no I/O, no clock, no allocation; one thread.
 class DroneOrders {
  public:
-  /// `local_stop`: one of a link before this one stands. `max_wait_ns`: of a landing.
+  /// `local_stop`: a local stop from an earlier link is still set. `max_wait_ns`: of a landing.
   DroneOrders(TelloSession& session, TimeNs max_wait_ns, bool local_stop) noexcept
       : session_(session), max_wait_ns_(max_wait_ns), local_stop_(local_stop) {}
 
@@ -20,7 +20,7 @@ class DroneOrders {
   DropReason land(TimeNs now) noexcept;
   /// The failsafe's, at each step that it wants it.
   void request_landing(TimeNs now) noexcept;
-  /// Whether the landing waits, and may go on to for its time's sake.
+  /// Whether the landing waits, and whether its time limit allows more waiting.
   bool waits_to_land() const noexcept { return landing_requested_ns_ != 0; }
   bool may_wait_longer(TimeNs now) const noexcept { return now - landing_requested_ns_ < max_wait_ns_; }
 

@@ -1,6 +1,7 @@
 #include "onboard/link/core/drone_reporting.hpp"
 
 #include <algorithm>
+#include <limits>
 
 namespace ledgerline::link {
 
@@ -65,7 +66,7 @@ void DroneReporting::record_transition(const LinkMoment& at, FlightPhase phase,
   Transition& last = last_transition_;
   const FailsafeMode mode = failsafe.mode;
   const bool says_why =
-      in_flight(phase) || mode >= FailsafeMode::land || failsafe.cause == FailsafeCause::takeoff_refused_by_drone;
+      is_in_flight(phase) || mode >= FailsafeMode::land || failsafe.cause == FailsafeCause::takeoff_refused_by_drone;
   const FailsafeCause cause = says_why ? failsafe.cause : FailsafeCause::none;
   if (phase != last.phase || mode != last.mode || cause != last.cause) {
     last = {.drone = number_, .phase = phase, .mode = mode, .cause = cause, .boot_id = boot_id_, .stamp_ns = at.now};
@@ -99,11 +100,15 @@ void DroneReporting::publish(const LinkMoment& at, StateSample sample) noexcept 
   sample.arrived_sequence = arrived_.sequence;
   sample.arrived_ns = arrived_.at_ns;
   at.out.states.push(sample);
+  // Without a pose only the drone's own height is known.
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  const std::array own{unknown, unknown, static_cast<double>(sample.height_m)};
+  const std::array<double, 3>& place_m = sample.pose_stamp_ns == 0 ? own : sample.position_m;
   trace(at, {.kind = TraceKind::state_sampled,
-             .extra = static_cast<std::uint32_t>(1000 * sample.battery),
+             .extra = static_cast<std::uint32_t>(1000 * std::max(0.0F, sample.battery)),
              .id = sample.sequence,
              .stamp_ns = at.now,
-             .v = {sample.position_m[0], sample.position_m[1], sample.position_m[2], sample.yaw_rad}});
+             .v = {place_m[0], place_m[1], place_m[2], sample.yaw_rad}});
   const PoseVariance& variance = sample.pose_variance;
   if (variance == PoseVariance{}) return;  // motion capture reports none
   trace(at, {.kind = TraceKind::pose_reported,
@@ -120,7 +125,7 @@ DroneReport DroneReporting::report(const TelloSession& session, const PlanCounte
           .transitions = transitions_.counters(),
           .age_ms = age_.quantiles_ms(),
           .heard = session.has_responded(),
-          .landed = session.has_flown() && on_ground(session.phase()),
+          .landed = session.has_flown() && is_on_ground(session.phase()),
           .phase = session.phase()};
 }
 

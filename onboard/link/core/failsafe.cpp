@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/rt/since.hpp"
 #include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::link {
@@ -122,7 +123,7 @@ struct FailsafeMoment {
   FailsafeCause no_plan = FailsafeCause::none;
   bool resting = false;  ///< what made it hover is away, but not for clear_after
 
-  bool on_ground() const noexcept { return !in_flight(inputs.phase) && !inputs.may_be_airborne; }
+  bool on_ground() const noexcept { return !is_in_flight(inputs.phase) && !inputs.may_be_airborne; }
   bool has_cause_to_brake() const noexcept {
     return state_stale || pose_lost || dark || position_uncertain || sources_differ ||
            untrusted(OnUntrustedLedger::hold);
@@ -138,8 +139,8 @@ namespace {
 
 using Moment = FailsafeMoment;
 
-// A hold for want of a plan becomes one of silence at once, but not the other way about: so a silence that comes and
-// goes does not make the cause come and go. A brake rests the same way.
+// A hold for lack of plans becomes one of silence at once; the reverse waits clear_after, so the cause does not
+// flicker. A brake waits likewise.
 void rest(Moment& at, FailsafeState& memory) noexcept {
   const bool silence = memory.mode == FailsafeMode::hold && memory.cause != FailsafeCause::plan_ran_out;
   const bool away =
@@ -198,7 +199,7 @@ bool held_too_long(const Moment& at) {
 bool outside_fence(const Moment& at) { return at.memory.outside_ns == at.now; }
 bool too_near(const Moment& at) { return at.inputs.too_near; }
 bool battery_low(const Moment& at) { return at.memory.battery_low; }
-bool blind(const Moment& at) { return at.inputs.blind; }
+bool contact_lost(const Moment& at) { return at.inputs.contact_lost; }
 
 bool long_ago(const Moment& at, TimeNs last_ns) {
   return last_ns == 0 || at.now - last_ns > at.settings.clear_after_ns;
@@ -257,7 +258,7 @@ const std::array<FailsafeRow, 26> failsafe_table{{
     {"FS-60", FailsafeCause::too_near, FailsafeMode::none, too_near, apart},
     {"FS-11", FailsafeCause::fence, FailsafeMode::none, outside_fence, back_inside},
     {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, battery_low, when_charged},
-    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, blind, when_on_ground},
+    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, contact_lost, when_on_ground},
 }};
 
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
@@ -301,7 +302,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
     return change(memory, now, row.mode, known ? memory.cause : row.cause);
   }
   // Not seen: what a take-off waits for, as on the ground.
-  const bool seen = in_flight(inputs.phase);
+  const bool seen = is_in_flight(inputs.phase);
   return change(memory, now, FailsafeMode::none,
                 seen ? FailsafeCause::none : takeoff_refusal(settings, fence, now, inputs));
 }

@@ -10,7 +10,7 @@ namespace ledgerline::link {
 struct FailsafeInputs {
   FlightPhase phase = FlightPhase::disconnected;
   bool may_be_airborne = false;  ///< disconnected, and not known to stand on the ground
-  bool blind = false;            ///< and all handshakes with it failed
+  bool contact_lost = false;     ///< may_be_airborne, and every handshake failed or it is commanded to land
   TimeNs flying_since_ns = 0;
   bool plan_valid = false;             ///< a plan covers this moment
   TimeNs covered_until_ns = 0;         ///< end of the newest plan
@@ -25,7 +25,7 @@ struct FailsafeInputs {
   double sigma_yaw_rad = 0;         ///< of the heading; the same
   /// The pose comes from onboard odometry: it does not come through agent.
   bool by_odometry = false;
-  /// False where a pilot who may do without flies it by hand: what is flown now, or was flown last.
+  /// False where what is flown, or was flown last, is by hand, by a pilot who is allowed to fly without a position.
   bool needs_position = true;
   bool motion_differs = false;  ///< from what it is sent (MotionWatch)
   /// Since when its flow is suspected to see nothing (FlowWatch) and nothing else says where it is; 0: no.

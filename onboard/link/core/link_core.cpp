@@ -118,17 +118,19 @@ void LinkCore::sample(const LinkMoment& at) noexcept {
 }
 
 bool LinkCore::all_on_ground() const noexcept {
-  return std::none_of(drones_.begin(), drones_.end(), [](const DroneLink& d) { return d.session().may_fly(); });
+  return std::none_of(drones_.begin(), drones_.end(),
+                      [](const DroneLink& d) { return d.session().is_possibly_in_flight(); });
 }
 
 bool LinkCore::all_on_ground_or_unheard() const noexcept {
-  return std::none_of(drones_.begin(), drones_.end(),
-                      [](const DroneLink& d) { return d.session().may_fly() && d.session().has_responded(); });
+  return std::none_of(drones_.begin(), drones_.end(), [](const DroneLink& d) {
+    return d.session().is_possibly_in_flight() && d.session().has_responded();
+  });
 }
 
 bool LinkCore::all_landed_or_commanded() const noexcept {
   return std::none_of(drones_.begin(), drones_.end(), [&](const DroneLink& d) {
-    return d.session().may_fly() && !d.session().commanded_to_land(last_step_ns_);
+    return d.session().is_possibly_in_flight() && !d.session().commanded_to_land(last_step_ns_);
   });
 }
 

@@ -5,8 +5,8 @@
 #include <string_view>
 
 #include "common/msg/onboard.hpp"
+#include "common/rt/fixed_vector.hpp"
 #include "common/rt/trace.hpp"
-#include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 

@@ -10,7 +10,7 @@ namespace {
 
 // Slower than this a drone hovers: it corrects its place, and goes nowhere. A gust's speed (docs/sources.md).
 constexpr double moving_mps = 0.1;
-// Without a parting: who has the right of way over the other, and who has not. The one behind waits for less, so that
+// Without giving way: who has the right of way over the other, and who has not. The one behind waits for less, so that
 // mostly it alone moves; four times its time is enough for it to be away.
 constexpr double detour_after_s = 3.0, short_detour_after_s = 0.7;
 // On one way round: a layer's height takes half of it.
@@ -109,7 +109,7 @@ Vec3 Separation::limited(const Vec3& sent_mps, const Vec3& desired_mps) const no
   return out;
 }
 
-bool Separation::has_way_over(std::size_t j, std::size_t i) const noexcept {
+bool Separation::has_right_of_way_over(std::size_t j, std::size_t i) const noexcept {
   return drones_[j].moves && in_[j].number < in_[i].number;
 }
 
@@ -124,10 +124,10 @@ std::size_t Separation::hindered_by(std::size_t i, const Vec3& velocity_mps, boo
       least = gap;
       worst = j;
     };
-    // What is too near already must come no nearer; where another has the right of way is left before anything else.
+    // A drone already too near may come no nearer; right-of-way areas are left first.
     const double gap = gap_m(mine, drones_[j].now);
     if (gap < least && gap < gap_m(drones_[i].now, drones_[j].now)) hinders(gap);
-    if (yields && has_way_over(j, i)) hinders(gap_m(mine, drones_[j].claim) - headroom_m);
+    if (yields && has_right_of_way_over(j, i)) hinders(gap_m(mine, drones_[j].claim) - headroom_m);
   }
   return worst;
 }
@@ -158,7 +158,7 @@ void Separation::decide(std::size_t i) noexcept {
   for (std::size_t j = 0; j < in_.size(); ++j) {
     if (j == i || !drones_[i].near.test(j)) continue;
     double gap = apart_m_;
-    if (has_way_over(j, i)) gap = gap_m(drones_[i].now, drones_[j].claim) - headroom_m / 2;
+    if (has_right_of_way_over(j, i)) gap = gap_m(drones_[i].now, drones_[j].claim) - headroom_m / 2;
     // Within half of the margin something moved them without a command.
     if (in_[j].kind != Neighbour::Kind::steered || in_[j].number < drone.number)
       gap = std::min(gap, gap_m(drones_[i].now, drones_[j].now) + settings_.margin_m / 2);
@@ -179,9 +179,11 @@ void Separation::decide(std::size_t i) noexcept {
   clearances_[i].other = in_[other].number;
   memory.clear_s = 0;
   memory.waited_s += passed_s_;
-  const double detour_s = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_detour_after_s : detour_after_s;
+  const double detour_s = !drones_[other].moves             ? 0
+                          : has_right_of_way_over(other, i) ? short_detour_after_s
+                                                            : detour_after_s;
   if (hindered == i && leads_away(i, pressing)) {
-    fly(i, drone.desired_mps, Clearance::Kind::part);
+    fly(i, drone.desired_mps, Clearance::Kind::give_way);
     return;
   }
   if (memory.direction == Direction::none && pressing == i && memory.waited_s <= detour_s) {
@@ -236,11 +238,12 @@ bool Separation::avoid_wash(std::size_t i) noexcept {
     clearances_[i].other = in_[other].number;
     return level(desired) > 0 && try_fly(i, {0, 0, desired[2]}, Clearance::Kind::hold, true);
   }
-  memory.parting_s += passed_s_;
-  if (!std::exchange(memory.aside, true) || memory.direction == Direction::none || memory.parting_s > direction_for_s)
+  memory.giving_way_s += passed_s_;
+  if (!std::exchange(memory.aside, true) || memory.direction == Direction::none ||
+      memory.giving_way_s > direction_for_s)
     choose_direction(i, other, std::array{Direction::away, Direction::right, Direction::left});
   const Vec3 direction = direction_mps(i, other, memory.direction);
-  if (!moves(direction) || !try_fly(i, direction, Clearance::Kind::part, false)) fly(i, {}, Clearance::Kind::hold);
+  if (!moves(direction) || !try_fly(i, direction, Clearance::Kind::give_way, false)) fly(i, {}, Clearance::Kind::hold);
   clearances_[i].other = in_[other].number;
   return true;
 }
@@ -252,8 +255,8 @@ bool Separation::leads_away(std::size_t i, std::size_t other) const noexcept {
 
 void Separation::go_round(std::size_t i, std::size_t other) noexcept {
   Memory& memory = memory_[std::min(in_[i].number, max_drones)];
-  memory.parting_s += passed_s_;
-  if (memory.direction == Direction::none || memory.parting_s > direction_for_s || memory.idle_s > idle_for_s)
+  memory.giving_way_s += passed_s_;
+  if (memory.direction == Direction::none || memory.giving_way_s > direction_for_s || memory.idle_s > idle_for_s)
     choose_direction(i, other);
   const Vec3& desired = in_[i].desired_mps;
   const Vec3 direction = direction_mps(i, other, memory.direction);
@@ -262,8 +265,8 @@ void Separation::go_round(std::size_t i, std::size_t other) noexcept {
   const Vec3 past = in_height ? Vec3{desired[0], desired[1], 0} : Vec3{0, 0, desired[2]};
   const double idle_s = std::exchange(memory.idle_s, 0.0);
   if (moves(past) && try_fly(i, past, Clearance::Kind::hold, true)) return;
-  if (in_height && try_fly(i, {desired[0], desired[1], direction[2]}, Clearance::Kind::part, true)) return;
-  if (moves(direction) && try_fly(i, direction, Clearance::Kind::part, false)) return;
+  if (in_height && try_fly(i, {desired[0], desired[1], direction[2]}, Clearance::Kind::give_way, true)) return;
+  if (moves(direction) && try_fly(i, direction, Clearance::Kind::give_way, false)) return;
   memory.idle_s = idle_s + passed_s_;
   fly(i, {}, Clearance::Kind::hold);
 }
@@ -298,7 +301,7 @@ void Separation::choose_direction(std::size_t i, std::size_t other, std::span<co
     if (!has_room(i, other, direction) || hindered_by(i, direction_mps(i, other, direction), false) != i) continue;
     memory.direction = direction;
     memory.tries = static_cast<int>((static_cast<std::size_t>(memory.tries) + k + 1) % directions.size());
-    memory.parting_s = memory.idle_s = 0;
+    memory.giving_way_s = memory.idle_s = 0;
     return;
   }
   memory.direction = Direction::none;

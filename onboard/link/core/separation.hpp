@@ -126,7 +126,7 @@ struct Clearance {
   enum class Kind : std::uint8_t {
     unchanged,  ///< it flies its setpoint
     hold,       ///< another comes too near: it waits, or flies that part of its setpoint that leads past
-    part,       ///< it gets out of the other's way
+    give_way,   ///< it gets out of the other's way
   };
   Kind kind = Kind::unchanged;
   Vec3 velocity_mps{};           ///< what it may fly
@@ -144,18 +144,19 @@ struct Clearance {
 /// something moved a drone without a command, nothing is flown that brings the two nearer.
 ///
 /// Nobody waits for ever. Lower numbers are asked first, and higher ones keep out of where they will be for
-/// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers:
+/// `lookahead_s`: one that is not in it waits at its edge, one that is in it gives way. Nobody yields to who hovers:
 /// the moving drone goes round it. A drone that has waited without result for longer than `detour_after_s` goes round
 /// as well, whatever its number. One that found no way tries the next direction.
 ///
-/// Nobody hovers in another's wash (downwash_watch.hpp): above or below another two may pass, but of two that stay so
+/// Nobody hovers in another's wash (DownwashWatch): above or below another two may pass, but of two that stay so
 /// the higher number gets beside the lower one, or the one that can.
 ///
 /// A landing is not steered any more and reserves everything below it, so it begins only with room for it. Until then a
 /// drone that must land descends as any setpoint leads, and goes round drones in its way.
 ///
-///   unchanged ──setpoint leads too near──▶ hold ──in the way, or waited enough──▶ part ──setpoint is clear──▶
-///   unchanged
+///   unchanged ──setpoint leads too near──▶ hold ──in the way, or waited enough──▶ give_way
+///       ▲                                   │                                      │
+///       └──────────── setpoint is clear ────┴──────────────────────────────────────┘
 ///
 /// Pure but for what it remembers: no clock, no allocation; one thread.
 class Separation {
@@ -171,12 +172,12 @@ class Separation {
   enum class Direction : std::uint8_t { none, up, down, away, right, left };
   struct Memory {
     Direction direction = Direction::none;
-    double parting_s = 0;  ///< on this way
-    double waited_s = 0;   ///< without a break, with a setpoint that is not flown
-    double idle_s = 0;     ///< on this way, without getting further
-    int tries = 0;         ///< where the next way is looked for
-    double clear_s = 0;    ///< the setpoint is flown
-    bool aside = false;    ///< that way is out of another's wash
+    double giving_way_s = 0;  ///< on this way
+    double waited_s = 0;      ///< without a break, with a setpoint that is not flown
+    double idle_s = 0;        ///< on this way, without getting further
+    int tries = 0;            ///< where the next way is looked for
+    double clear_s = 0;       ///< the setpoint is flown
+    bool aside = false;       ///< that way is out of another's wash
   };
   struct Drone {
     Capsule now;         ///< until rest: first as if commanded to stop, then of what was decided
@@ -209,7 +210,7 @@ class Separation {
   void fly(std::size_t i, const Vec3& velocity_mps, Clearance::Kind kind) noexcept;
   /// What it is sent in the next step, if this is the desired velocity.
   Vec3 limited(const Vec3& sent_mps, const Vec3& desired_mps) const noexcept;
-  bool has_way_over(std::size_t j, std::size_t i) const noexcept;
+  bool has_right_of_way_over(std::size_t j, std::size_t i) const noexcept;
   void refuse_takeoffs() noexcept;
   void delay_landings() noexcept;
 

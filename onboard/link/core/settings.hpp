@@ -32,8 +32,8 @@ struct SessionSettings {
   /// `land` is sent again while the drone does not come down: its answer comes when it is down. With half it may answer
   /// twice, and answers carry no id; double costs two seconds of hovering for a lost datagram.
   TimeNs land_repeat_ns = 1 * ns_per_s;
-  /// `emergency` is sent again until the drone is seen on the ground: whom it is said for is to fall now, and it does
-  /// no harm twice. With 60 % lost, nine of ten hear one of five. Double takes as long as the fall; half is talk.
+  /// `emergency` is repeated until the drone is seen on the ground; repeating does no harm. With 60 % lost, nine of ten
+  /// hear one of five. Double takes as long as the fall; half only sends more.
   TimeNs cut_repeat_ns = 100 * ns_per_ms;
   TimeNs cut_often_for_ns = 2 * ns_per_s;  ///< longer than a fall; then as often as `land`
   /// On the ground, without state text: disconnected. 30 texts at 10 Hz: half would disconnect a drone for fifteen
@@ -54,11 +54,12 @@ struct SessionSettings {
   TimeNs blind_repeat_ns = 500 * ns_per_ms;
   /// Longer than a take-off, which ignores `land` (4 s); with 60 % lost, 99.8 % hear one of twelve.
   TimeNs blind_land_for_ns = 6 * ns_per_s;
-  /// Then nothing at all, longer than the 15 s after which a Tello lands by itself, and that by what the network may
-  /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes a user who
-  /// switches a drone on after link wait for as long (ground waits 30 s for a drone).
+  /// Then nothing: longer than the 15 s after which a Tello lands by itself plus what the network may delay. Shorter
+  /// would hold a drone in the air that hears everything but `land`; longer makes a user who switches a drone on after
+  /// link wait for as long (ground waits 30 s for a drone).
   TimeNs silence_ns = 16 * ns_per_s;
-  /// The same word, when link ends and a drone was never heard of: mostly there is none, and a person waits. 7 times.
+  /// At shutdown, how long `land` or `emergency` is sent to a drone that was never heard from, seven times: usually
+  /// there is none, and a person waits.
   TimeNs unheard_land_for_ns = 3 * ns_per_s;
   /// Starts of link within starts_within_ns (below), of which the last one commands every drone to land in its first
   /// step: who dies so often cannot fly, and each start keeps a Tello up. The launcher gives up with as many.
@@ -182,7 +183,7 @@ enum class PoseSource : std::uint8_t {
   mocap = 0,            ///< motion capture, or any other topic of poses, through agent
   tello = 1,            ///< its own velocities and heights (pose/odometry.hpp)
   pads = 2,             ///< the same, and mission pads as fixes
-  mocap_then_tello = 3  ///< motion capture, and onboard odometry while that is missing (pose/failover.hpp)
+  mocap_then_tello = 3  ///< motion capture, and onboard odometry while that is missing (pose/drone_position.hpp)
 };
 constexpr bool uses_mocap(PoseSource source) noexcept {
   return source == PoseSource::mocap || source == PoseSource::mocap_then_tello;

@@ -49,7 +49,7 @@ template <typename Enum>
 Enum read_choice(Config& config, const Key& key, Enum otherwise) {
   std::vector<std::string> names;
   for (std::size_t i = 0; i < enum_count<Enum>; ++i) names.emplace_back(name(static_cast<Enum>(i)));
-  return from_name<Enum>(config.choice(key, names, name(otherwise))).value_or(otherwise);
+  return from_name<Enum>(config.choice(key, names, std::string(name(otherwise)))).value_or(otherwise);
 }
 
 void read_limits(Config& config, PlayoutSettings& playout) {
@@ -246,7 +246,7 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   if (own && !pose.has_signs && !config.is_describing()) {
     config.wrong("pose.velocity_signs",
                  fmt::format("must be there: drone {} flies by onboard odometry, or may, and with a wrong sign "
-                             "it flies away",
+                             "it flies away; `ledgerline tello calibrate` measures them",
                              drone.name));
   }
   read_start(config, key, drone.odometry);
@@ -439,12 +439,12 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   settings.link.pads = pose.pads;
   const bool udp = read_transport(config, settings);
   const auto tables = read_drones(config, pose, udp);
-  const auto command_port =
-      config.integer({"tello.command_port", "where drones take commands; fixed on a Tello"}, 8889, 1, 65535);
-  const std::string port = std::to_string(command_port);
+  const auto commands_port =
+      config.integer({"tello.command_port", "where drones take commands; fixed on a Tello"}, command_port, 1, 65535);
+  const std::string port = std::to_string(commands_port);
   settings.state_port = static_cast<std::uint16_t>(config.integer(
       {"tello.state_port", "source port of state texts; those from another are ignored. 0: any", "tello.command_port"},
-      command_port, 0, 65535));
+      commands_port, 0, 65535));
   const std::string listen =
       config.text({"state.listen", "IPv4:PORT for state texts; drones send to port 8890"}, "0.0.0.0:8890");
   read_number(config, "state.rate_hz", settings.link.rate_hz, 1, 200,

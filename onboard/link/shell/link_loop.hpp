@@ -122,8 +122,4 @@ class LinkLoop {
   std::atomic<std::uint64_t> turns_{0};
 };
 
-/// The process around the loop: shared memory, sockets, the real-time thread, and in this thread everything that may
-/// block: signals, trace file, log, status lines, the summary. Returns the exit code.
-int run_link(const ShellSettings& settings);
-
 }  // namespace ledgerline::link

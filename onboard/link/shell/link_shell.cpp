@@ -1,3 +1,4 @@
+#include "onboard/link/shell/link_shell.hpp"
 
 #include <fmt/format.h>
 #include <pthread.h>
@@ -7,265 +8,31 @@
 #include <csignal>
 #include <ctime>
 #include <future>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 #include <utility>
 
-#include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/base/text.hpp"
-#include "common/msg/names.hpp"
 #include "common/program/program.hpp"
 #include "common/program/service_manager.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
+#include "onboard/link/shell/housekeeping.hpp"
 #include "onboard/link/shell/link_loop.hpp"
 #include "onboard/link/shell/persistent_state.hpp"
+#include "onboard/link/shell/report.hpp"
 #include "onboard/link/shell/transport/link_ends.hpp"
 
 namespace ledgerline::link {
 namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
-constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
-constexpr TimeNs refresh_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined again is no loss for longer
-constexpr TimeNs stops_retry_ns = 1 * ns_per_s;     // a disk that is full may have room again
-constexpr int publisher_below_loop = 10;            // priorities between the two are for what a user wants there
+constexpr int publisher_below_loop = 10;  // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
   if (::getrandom(&id, sizeof id, 0) != sizeof id) return Error{"the system gave no random bytes for a boot id"};
   return id;
 }
-
-// One status line (JSON) from the newest sample of each drone.
-std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest) {
-  nlohmann::json drones = nlohmann::json::array();
-  for (const DroneSettings& drone : settings.drones) {
-    const StateSample& state = newest[drone.number];
-    const nlohmann::json pose_age_ms =
-        state.pose_stamp_ns > 0 ? nlohmann::json(to_ms(state.stamp_ns - state.pose_stamp_ns)) : nlohmann::json();
-    drones.push_back({{"name", drone.name},
-                      {"phase", name(state.phase)},
-                      {"mode", name(state.mode)},
-                      {"cause", name(state.cause)},
-                      {"battery", state.battery},
-                      {"temperature_c", state.temperature_c},
-                      {"position", state.position_m},
-                      {"pose_age_ms", pose_age_ms},
-                      {"applied", state.plans_applied},
-                      {"dropped", state.plans_dropped},
-                      {"late", state.plans_late}});
-  }
-  return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
-}
-
-nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
-  nlohmann::json reasons = nlohmann::json::object();
-  for (std::size_t i = 1; i < report.plans.dropped_by.size(); ++i) {
-    if (report.plans.dropped_by[i] > 0) reasons[name(static_cast<DropReason>(i))] = report.plans.dropped_by[i];
-  }
-  return {{"name", report.name},
-          {"states_sampled", report.states_sampled},
-          {"states_lost", states_lost},
-          {"commands_received", report.plans.received},
-          {"commands_applied", report.plans.applied},
-          {"commands_late", report.plans.late},
-          {"commands_dropped", report.plans.dropped},
-          {"drop_reasons", reasons},
-          {"transitions",
-           {{"made", report.transitions.made},
-            {"on_ledger", report.transitions.on_ledger},
-            {"lost", report.transitions.lost},
-            {"kept", report.transitions.kept}}},
-          {"age_ms", report.age_ms},
-          {"landed", report.landed},
-          {"phase", name(report.phase)}};
-}
-
-nlohmann::json to_json(const LoopMetrics& loop) {
-  const auto late_us = [&](double quantile) { return loop.lateness.quantile(quantile) / ns_per_us; };
-  return {{"cycles", loop.cycles},
-          {"overruns", loop.overruns},
-          {"lateness_us",
-           {{"p50", late_us(0.5)},
-            {"p95", late_us(0.95)},
-            {"p99", late_us(0.99)},
-            {"p99_9", late_us(0.999)},
-            {"max", loop.lateness.max() / ns_per_us}}},
-          {"sends_failed", loop.sends_failed},
-          {"trace_lost", loop.trace_lost}};
-}
-
-Status write_summary(const std::string& path, const LinkCore& core, const LoopMetrics& loop,
-                     const PublisherThread& publisher, bool realtime) {
-  nlohmann::json drones = nlohmann::json::array();
-  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, publisher.lost(report.number)));
-  const nlohmann::json summary{{"drones", drones}, {"loop", to_json(loop)}, {"realtime", realtime}};
-  return write_file(path, summary.dump(2) + "\n");
-}
-
-// The thread that may block, beside the loop.
-class Housekeeping {
- public:
-  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace,
-               const WatchdogThread& watchdog, LocalStopsFile& stops, LinkEnds& ends)
-      : settings_(settings), loop_(loop), trace_(std::move(trace)), watchdog_(watchdog), stops_(stops), ends_(ends) {}
-
-  void once(TimeNs now) {
-    store_stops(now);
-    for (TraceRecord record; loop_.trace().pop(record);) {
-      if (trace_) trace_->add(record);
-      if (record.kind == TraceKind::mode) log_mode(record);
-    }
-    for (StateSample state; loop_.states().pop(state);) {
-      log_warnings(newest_[state.drone], state);
-      newest_[state.drone] = state;
-    }
-    for (SerialReport reported; loop_.serials().pop(reported);) log_serial(reported);
-    for (DroneWords said; loop_.words().pop(said);) log_words(said);
-    if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
-      next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
-      print_status(status_line(settings_.link, newest_));
-    }
-    if (!settings_.lockstep && now >= next_roudi_ns_) watch_roudi(now);
-    if (now >= next_refresh_ns_) {
-      next_refresh_ns_ = now + refresh_period_ns;
-      for (const std::string& news : ends_.drones->refresh()) spdlog::warn("{}", news);
-    }
-    if (const std::uint64_t failed = watchdog_.failed(); failed > std::exchange(watchdog_failed_, failed))
-      spdlog::warn("the service manager could not be notified that link lives, {} times so far", failed);
-  }
-
-  /// RouDi is not the one that link is connected to any more, and nothing flies: only a new start connects it again.
-  bool must_restart() const {
-    return !roudi_lives_ &&
-           std::none_of(newest_.begin(), newest_.end(), [](const StateSample& s) { return in_flight(s.phase); });
-  }
-
-  Status close() {
-    if (!trace_) return done;
-    if (trace_->dropped() > 0) spdlog::warn("{} trace records did not fit into {}", trace_->dropped(), settings_.trace);
-    return trace_->flush();
-  }
-
- private:
-  void log_mode(const TraceRecord& record) const {
-    const auto mode = static_cast<FailsafeMode>(record.extra);
-    const auto cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
-    const auto phase = static_cast<FlightPhase>(record.id);
-    // On the ground a cause only says what a take-off waits for.
-    const bool calm = cause == FailsafeCause::none || !in_flight(phase);
-    spdlog::log(calm ? spdlog::level::info : spdlog::level::warn, "{}: {}, failsafe {} ({})", drone(record.drone).name,
-                name(phase), name(mode), name(cause));
-  }
-
-  void log_warnings(const StateSample& before, const StateSample& now) const {
-    const std::string& name = drone(now.drone).name;
-    if (now.hot && !before.hot) {
-      spdlog::warn("{}: {:.0f} degrees{}", name, now.temperature_c,
-                   in_flight(now.phase) ? ": hotter than a Tello is in flight: land it"
-                                        : " on the ground, where nothing cools it: take off soon, or switch it off");
-    }
-    if (now.contested && !before.contested) {
-      spdlog::error(
-          "{}: another client commands it as well: its state texts went away and came back with `command` twice within "
-          "a "
-          "minute. Is its address in the link.toml of another host, or `ledgerline tello` at work? It does not take "
-          "off",
-          name);
-    }
-    if (now.diverted && !before.diverted) {
-      spdlog::warn(
-          "{}: it answers, but its state texts stay away: another client may have said `command` to it, or a firewall "
-          "holds back UDP 8890",
-          name);
-    }
-  }
-
-  void log_serial(const SerialReport& reported) const {
-    const DroneSettings& meant = drone(reported.drone);
-    switch (reported.verdict) {
-      case SerialCheck::Verdict::same:
-        spdlog::info("{}: it is {}", meant.name, meant.serial);
-        break;
-      case SerialCheck::Verdict::other:
-        spdlog::error("{}: {} answers, not {} as in the config: it does not take off", meant.name,
-                      reported.answered.view(), meant.serial);
-        break;
-      case SerialCheck::Verdict::unreported:
-        spdlog::warn("{}: its firmware reports no serial (sn?), so it is not checked that it is {}", meant.name,
-                     meant.serial);
-        break;
-      case SerialCheck::Verdict::open:
-      case SerialCheck::Verdict::unwanted:
-        break;
-    }
-  }
-
-  void log_words(const DroneWords& said) const {
-    const std::string text = printable(said.text.view());
-    switch (said.kind) {
-      case DroneWords::Kind::takeoff_refused:
-        spdlog::error("{}: it refuses to take off: \"{}\"", drone(said.drone).name, text);
-        break;
-      case DroneWords::Kind::state_unreadable:
-        spdlog::error(
-            "{}: texts come and are not understood: \"{}\". A Tello's state text has bat, h and tof, as in "
-            "`bat:87;`: another firmware, or another device at its address",
-            drone(said.drone).name, text);
-        break;
-    }
-  }
-
-  // The loop speaks of no others.
-  const DroneSettings& drone(DroneNumber number) const {
-    return *std::find_if(settings_.link.drones.begin(), settings_.link.drones.end(),
-                         [&](const DroneSettings& known) { return known.number == number; });
-  }
-
-  void store_stops(TimeNs now) {
-    const DroneSet stopped = loop_.local_stops();
-    for (const DroneSettings& drone : settings_.link.drones) {
-      if (stopped[drone.number] && !reported_stops_[drone.number])
-        spdlog::warn("{}: stopped at this host: it stays down until that stop is cleared", drone.name);
-      if (!stopped[drone.number] && reported_stops_[drone.number])
-        spdlog::info("{}: its local stop is cleared", drone.name);
-    }
-    reported_stops_ = stopped;
-    if (now < next_stops_ns_) return;
-    if (const Status status = stops_.store(stopped); !status) {
-      next_stops_ns_ = now + stops_retry_ns;
-      spdlog::error("{}: a link that restarts would not know who is stopped", status.error().message);
-    }
-  }
-
-  void watch_roudi(TimeNs now) {
-    next_roudi_ns_ = now + roudi_period_ns;
-    const bool lives = ipc::is_roudi_alive();
-    if (roudi_lives_ && !lives) {
-      spdlog::error(
-          "RouDi is gone: what is connected goes on, but nobody new can join; once nothing flies, link ends, to be "
-          "started again behind a new RouDi");
-    }
-    roudi_lives_ = lives;
-  }
-
-  const ShellSettings& settings_;
-  LinkLoop& loop_;
-  std::optional<TraceWriter> trace_;
-  const WatchdogThread& watchdog_;
-  std::uint64_t watchdog_failed_ = 0;
-  LocalStopsFile& stops_;
-  LinkEnds& ends_;
-  DroneSet reported_stops_;
-  TimeNs next_stops_ns_ = 0;
-  std::array<StateSample, max_drones + 1> newest_{};
-  TimeNs next_status_ns_ = 0;
-  TimeNs next_roudi_ns_ = 0;
-  TimeNs next_refresh_ns_ = 0;
-  bool roudi_lives_ = true;
-};
 
 // SIGUSR1 is blocked in every thread; this one picks it up, or waits a turn at most: then false.
 bool wait_for_clear(const sigset_t& clear) {
@@ -311,7 +78,7 @@ struct Parts {
   std::unique_ptr<PublisherThread> publisher;
 };
 
-Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int publisher_priority) {
+Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int publisher_priority, bool first_start) {
   std::optional<TraceWriter> trace;
   if (!settings.trace.empty()) {
     auto writer = TraceWriter::create(settings.trace);
@@ -322,7 +89,8 @@ Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int publ
   if (!manager) return manager.error();
   const auto boot_id = random_boot_id();
   if (!boot_id) return boot_id.error();
-  if (auto status = ends.connect_agent(settings, is_asked_to_end); !status) return status.error();
+  // Of a link that restarts the drones may be in the air: it goes on to the start that lands them.
+  if (auto status = ends.connect_agent(settings, is_asked_to_end, first_start); !status) return status.error();
   auto publisher = PublisherThread::start(*ends.agent, publisher_priority, ends.shim.has_value());
   if (!publisher) return publisher.error();
   return Parts{std::move(trace), std::move(*manager), *boot_id, std::move(*publisher)};
@@ -369,7 +137,7 @@ int run_link(const ShellSettings& settings) {
   if (!ends) return fail(ends.error());
   const std::optional<int> starts = recent_starts(settings);
   const int publisher_priority = settings.priority > 0 ? std::max(settings.priority - publisher_below_loop, 1) : 0;
-  auto parts = make_parts(settings, *ends, publisher_priority);
+  auto parts = make_parts(settings, *ends, publisher_priority, starts.value_or(1) == 1);
   if (!parts) return fail_to_start(settings, parts.error(), *ends, starts);
 
   LocalStopsFile stops(settings.local_stops, settings.link.drones);

@@ -8,8 +8,8 @@ namespace ledgerline::sim {
 
 /// What the flight controller shall fly, in the map frame.
 struct VelocitySetpoint {
-  Vector velocity = Vector::Zero();
-  Vector acceleration = Vector::Zero();  ///< known in advance (moves along a path); zero for sticks
+  Vector velocity = Vector::Zero();      ///< [m/s]
+  Vector acceleration = Vector::Zero();  ///< known in advance (moves along a path); zero for sticks [m/s2]
   double yaw_rate = 0;                   ///< counter-clockwise [rad/s]
 };
 

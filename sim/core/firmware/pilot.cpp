@@ -8,8 +8,8 @@ namespace ledgerline::sim {
 namespace {
 
 // What no parameter describes. Sources as in parameters.hpp; all of these are [A], assumed: nobody published them.
-constexpr double rest_mps = 0.15;   // a move's end: about at rest
-constexpr double reached_m = 0.08;  // and so near
+constexpr double move_end_mps = 0.15;  // a move's end: about at rest
+constexpr double reached_m = 0.08;     // and so near
 constexpr double reached_rad = 0.03;
 constexpr double settle_s = 1.0;              // a move ends this long after its profile in any case
 constexpr double floor_m = 0.2;               // the Tello does not fly lower unless it lands
@@ -178,7 +178,7 @@ VelocitySetpoint Pilot::follow(const Move& move) {
   out.velocity = along.speed * point.tangent + p_.control.position_gain_per_s * error;
   out.acceleration = along.acceleration * point.tangent + along.speed * along.speed * point.normal_curvature;
   const double over = action_s_ - move.profile.duration_s();
-  if (over > settle_s || (over > 0 && error.norm() < reached_m && odometry_.velocity().norm() < rest_mps)) {
+  if (over > settle_s || (over > 0 && error.norm() < reached_m && odometry_.velocity().norm() < move_end_mps)) {
     if (error.norm() < 2 * reached_m) {
       hold_.hold(point.position.head<2>());
       hold_.hold_height(point.position.z());
@@ -258,7 +258,7 @@ Motors Pilot::somersault(Flipping& flip, const Body& body) {
   }
   const Vector off = hold_.position() - odometry_.position();
   const bool back = std::abs(off.z()) < reached_m && off.head<2>().norm() < 2 * reached_m;
-  if (action_s_ > flip_recover_s || (back && odometry_.velocity().norm() < rest_mps)) finish(End::reached);
+  if (action_s_ > flip_recover_s || (back && odometry_.velocity().norm() < move_end_mps)) finish(End::reached);
   return steer(body, hold({}));
 }
 

@@ -21,7 +21,7 @@ constexpr int min_speed_cmps = 10, max_speed_cmps = 100, max_curve_cmps = 60;
 constexpr double min_radius_m = 0.5, max_radius_m = 10;
 constexpr double min_line_m = 0.02;  // nearer above a pad than this: it is there
 
-std::optional<int> number(std::string_view text) {
+std::optional<int> integer(std::string_view text) {
   int value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
@@ -30,11 +30,11 @@ std::optional<int> number(std::string_view text) {
 
 /// All words as numbers, or nothing.
 template <std::size_t N>
-std::optional<std::array<int, N>> numbers(std::span<const std::string_view> words) {
+std::optional<std::array<int, N>> integers(std::span<const std::string_view> words) {
   if (words.size() != N) return std::nullopt;
   std::array<int, N> values{};
   for (std::size_t i = 0; i < N; ++i) {
-    const auto value = number(words[i]);
+    const auto value = integer(words[i]);
     if (!value) return std::nullopt;
     values[i] = *value;
   }
@@ -46,7 +46,7 @@ bool within(int value, int low, int high) { return value >= low && value <= high
 /// m1 to m8; -1 for m-1, -2 for m-2: any pad, and the nearest.
 std::optional<int> pad_id(std::string_view word) {
   if (word.empty() || word[0] != 'm') return std::nullopt;
-  const auto id = number(word.substr(1));
+  const auto id = integer(word.substr(1));
   return id && (within(*id, 1, 8) || within(*id, -2, -1)) ? id : std::nullopt;
 }
 
@@ -213,8 +213,8 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
 void Sdk::protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out) {
   using Phase = Pilot::Phase;
   const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
-  const bool empty = drone.sensors.battery() < p_.battery.land_below;
-  if ((silent || empty || drone.sensors.overheated()) && drone.pilot.phase() == Phase::flying) {
+  const bool is_low = drone.sensors.battery() < p_.battery.land_below;
+  if ((silent || is_low || drone.sensors.overheated()) && drone.pilot.phase() == Phase::flying) {
     if (waiting_) send(*waiting_, auto_land, out);
     waiting_.reset();
     drone.pilot.land();
@@ -298,7 +298,7 @@ Sdk::Answer Sdk::stop(Call& call) {
 }
 
 Sdk::Answer Sdk::sticks(Call& call) {
-  const auto values = numbers<4>(call.arguments);
+  const auto values = integers<4>(call.arguments);
   if (!values) return {};
   const auto [right, forward, up, clockwise] = *values;
   for (const int value : *values)
@@ -310,7 +310,7 @@ Sdk::Answer Sdk::sticks(Call& call) {
 }
 
 Sdk::Answer Sdk::move(Call& call) {
-  const auto distance = number(call.arguments[0]);
+  const auto distance = integer(call.arguments[0]);
   if (!distance) return "error";
   if (!within(*distance, min_move_cm, max_move_cm)) return out_of_range;
   if (auto why = refusal(call); !why.empty()) return why;
@@ -324,7 +324,7 @@ Sdk::Answer Sdk::move(Call& call) {
 }
 
 Sdk::Answer Sdk::turn(Call& call) {
-  const auto angle = number(call.arguments[0]);
+  const auto angle = integer(call.arguments[0]);
   if (!angle) return "error";
   if (!within(*angle, 1, p_.sdk.max_turn_deg)) return out_of_range;
   if (auto why = refusal(call); !why.empty()) return why;
@@ -335,7 +335,7 @@ Sdk::Answer Sdk::turn(Call& call) {
 
 Sdk::Answer Sdk::go(Call& call) {
   const bool pad = call.arguments.size() == 5;
-  const auto values = numbers<4>(call.arguments.first(4));
+  const auto values = integers<4>(call.arguments.first(4));
   if (!values || (pad && !pad_id(call.arguments[4]))) return "error";
   const auto [x, y, z, speed] = *values;
   if (!point_in_range(x, y, z) || !within(speed, min_speed_cmps, max_speed_cmps)) return out_of_range;
@@ -353,7 +353,7 @@ Sdk::Answer Sdk::go(Call& call) {
 
 Sdk::Answer Sdk::curve(Call& call) {
   const bool pad = call.arguments.size() == 8;
-  const auto values = numbers<7>(call.arguments.first(7));
+  const auto values = integers<7>(call.arguments.first(7));
   if (!values || (pad && !pad_id(call.arguments[7]))) return "error";
   const auto [x1, y1, z1, x2, y2, z2, speed] = *values;
   if (!point_in_range(x1, y1, z1) || !point_in_range(x2, y2, z2) || !within(speed, min_speed_cmps, max_curve_cmps))
@@ -387,7 +387,7 @@ Sdk::Answer Sdk::flip(Call& call) {
 Sdk::Answer Sdk::jump(Call&) { return "error"; }
 
 Sdk::Answer Sdk::set_speed(Call& call) {
-  const auto speed = number(call.arguments[0]);
+  const auto speed = integer(call.arguments[0]);
   if (!speed) return "error";
   if (!within(*speed, min_speed_cmps, max_speed_cmps)) return out_of_range;
   speed_cmps_ = *speed;
@@ -401,7 +401,7 @@ Sdk::Answer Sdk::pads(Call& call) {
 }
 
 Sdk::Answer Sdk::pad_direction(Call& call) {
-  const auto direction = number(call.arguments[0]);
+  const auto direction = integer(call.arguments[0]);
   if (!direction) return "error";
   if (!within(*direction, 0, 2)) return out_of_range;
   looks_down_ = *direction != 1;
@@ -411,7 +411,7 @@ Sdk::Answer Sdk::pad_direction(Call& call) {
 Sdk::Answer Sdk::motors(Call& call) { return call.drone.pilot.idle_motors(call.name == "motoron") ? "ok" : "error"; }
 
 Sdk::Answer Sdk::set_ports(Call& call) {
-  const auto ports = numbers<2>(call.arguments);
+  const auto ports = integers<2>(call.arguments);
   if (!ports) return "error";
   for (const int port : *ports)
     if (!within(port, 1025, 65535)) return out_of_range;

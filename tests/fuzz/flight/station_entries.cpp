@@ -1,5 +1,5 @@
-#include "ground/service/core/api.hpp"
 #include "ground/service/core/guard.hpp"
+#include "ground/service/core/stream_messages.hpp"
 #include "tests/fuzz/entry.hpp"
 
 /// What the station's clients say: a request's line and body, the stream's messages, and heads that the guard checks.

@@ -7,7 +7,7 @@
 
 #include "common/base/file.hpp"
 #include "hil/netem/recording/capture.hpp"
-#include "hil/netem/recording/day.hpp"
+#include "hil/netem/recording/link_recording.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/switches.hpp"
@@ -98,8 +98,8 @@ class Datagrams final : public Entry {
  public:
   Datagrams()
       : client_(SOCK_DGRAM, own_address(3, 40'000)),
-        client_state_(SOCK_DGRAM, own_address(3, hil::proxy::state_port)),
-        drone_(SOCK_DGRAM, own_address(2, hil::proxy::command_port)),
+        client_state_(SOCK_DGRAM, own_address(3, state_port)),
+        drone_(SOCK_DGRAM, own_address(2, command_port)),
         outsider_(SOCK_DGRAM, own_address(9, 40'000)) {
     auto side = hil::proxy::DroneSide::open({"tello1", own_address(1, 0).sin_addr, own_address(2, 0).sin_addr},
                                             own_address(4, 0).sin_addr, 1);
@@ -107,7 +107,7 @@ class Datagrams final : public Entry {
     if (!side || !shared) throw std::runtime_error(side ? shared.error().message : side.error().message);
     sides_.push_back(std::move(*side));
     shared_.emplace(std::move(*shared));
-    talk(client_, own_address(1, hil::proxy::command_port), "command");
+    talk(client_, own_address(1, command_port), "command");
   }
   std::vector<std::string> seeds() override {
     return {"ccommand", "crc 0 100 0 -100", "cport 1 2", "spitch:0;roll:0;yaw:0;tof:10;h:0;bat:100;agz:-999.00;\r\n",
@@ -120,9 +120,9 @@ class Datagrams final : public Entry {
     auto fault = hil::parse_sensor(++turns_ % 2 == 0 ? "all garbage" : "h bias 5");
     fault->item = turns_;
     sides_[0].misreport({*fault});
-    if (bytes[0] == 's') return talk(drone_, own_address(4, hil::proxy::state_port), rest);
-    if (bytes[0] == 'x') return talk(outsider_, own_address(4, hil::proxy::state_port), rest);
-    return talk(client_, own_address(1, hil::proxy::command_port), rest);
+    if (bytes[0] == 's') return talk(drone_, own_address(4, state_port), rest);
+    if (bytes[0] == 'x') return talk(outsider_, own_address(4, state_port), rest);
+    return talk(client_, own_address(1, command_port), rest);
   }
 
  private:
@@ -161,7 +161,7 @@ class DayFile final : public Entry {
   }
   Outcome feed(std::string_view bytes) override {
     if (const Status written = write_file(path_, bytes); !written) throw std::runtime_error(written.error().message);
-    const auto day = hil::read_day(path_);
+    const auto day = hil::read_link_recording(path_);
     if (!day) return refused(day.error().message);
     for (const TimeNs at : {TimeNs{0}, (*day)->length_ns() / 2, (*day)->length_ns()}) {
       if ((*day)->at(at).delay_ns < 0 || (*day)->at(at).delay_ns > hil::max_delay) return refused("");

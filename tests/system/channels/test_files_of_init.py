@@ -124,7 +124,9 @@ def test_drones_of_two_channels_fly_by_them(hosts, tmp_path):
     try:
         for words in (("roudi",), ("sim", "--drones", "2"), ("link", "--config", raven / "link.toml"), ("agent", "--config", raven / "agent.toml")):
             programs.append(start(tmp_path, *words))
-        ground = subprocess.run([BIN / "ledgerline-ground", "--config", ground_host / "ground.toml"], capture_output=True, text=True,
+        config = ground_host / "ground.toml"
+        config.write_text(config.read_text().replace('shape = "manual"', 'shape = "square"'))
+        ground = subprocess.run([BIN / "ledgerline-ground", "--config", config], capture_output=True, text=True,
                                 timeout=FLIGHT_S)
         assert ground.returncode == 0, ground.stderr[-3000:] + (tmp_path / "agent.log").read_text()[-2000:]
     finally:

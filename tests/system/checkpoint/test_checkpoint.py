@@ -166,7 +166,7 @@ def test_behind_a_gap_two_organisations_peers_must_tell_the_same_records(host, t
         host.checkpoint.write_bytes(kept)
         host.write_config(ledger, gap)
         _, log = host.run_agent()
-        assert "those records are this organisation's peer's word alone" in log, "and it goes on"
+        assert "control records rest on our own peer alone" in log, "and it goes on"
 
         host.checkpoint.write_bytes(kept)
         other = Embedded(tmp_path / "other")

@@ -1,4 +1,5 @@
 """docs/three-machines.md from its first command to the landing, and what doctor says when something is broken."""
+import json
 import os
 import time
 
@@ -21,11 +22,16 @@ def machines(tmp_path_factory):
 
 
 def is_flight(commands: str) -> bool:
-    return any(word in commands for word in (" sim ", " roudi", " link ", " agent ", " acquire "))
+    return any(word in commands for word in (" sim ", " roudi", " link ", " agent ", " ground --config", " acquire "))
 
 
 def test_everything_before_the_flight_is_well_by_doctor(machines):
     machines.walk(lambda commands: not is_flight(commands))  # its doctors end with 0, or the walk fails
+    assert "agent.toml" in machines.doctor("raven")["not_running"]["what"]
+    machines.etc("tower").mkdir(parents=True, exist_ok=True)
+    (machines.etc("tower") / "node.env").write_text("LEDGERLINE_LISTEN=10.77.0.2:7051\n")
+    ledger = machines.doctor("tower", "--role", "ledger")
+    assert "not_running" not in ledger and not [each for each in ledger.values() if each["verdict"] == "broken"], ledger
 
 
 @pytest.mark.parametrize("one", breakages.ALL, ids=lambda one: one.problem)
@@ -76,7 +82,11 @@ def test_a_clock_that_goes_wrong_is_reported_by_the_blocks(machines):
 
 
 def test_the_page_flies(machines):
-    ground = machines.etc("ground") / "ground.toml"
-    ground.write_text(ground.read_text().replace("# laps = 3", "laps = 1").replace("# side_m = 1.5", "side_m = 1.0"))
     machines.walk(is_flight)
+    for _ in range(120):
+        drones = json.loads(machines.run("ground", "ledgerline drones --config /etc/ledgerline/ground.toml --json"))["drones"]
+        if drones[0]["phase"] == "landed":
+            break
+        time.sleep(0.5)
+    assert [(one["phase"], one["why"]) for one in drones] == [("landed", "")], drones
     assert "stopped" not in machines.doctor("ground")

@@ -383,7 +383,7 @@ def test_a_client_that_is_missing_in_the_answer_is_named(place, tmp_path, answer
 
 def test_figures_of_other_programs_or_scripts_are_others(place, tmp_path, monkeypatch):
     before = runs.digest(place, "hosts")
-    for path in (place.programs / "ledgerline-roudi", place.programs.parent / "libexec/ledgerline/ledgerline-station"):
+    for path in (place.programs / "ledgerline-roudi", place.programs.parent / "libexec/ledgerline/ledgerline-control"):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("one")
         assert runs.digest(place, "hosts") != before

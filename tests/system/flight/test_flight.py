@@ -3,10 +3,12 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import time
 
+import flights
 import pytest
 from fabric import needs_fabric
 from flights import (BIN, assert_nothing_left, control, enroll_operator, fly, no_flight_outlives_its_test, our_processes,
@@ -36,11 +38,26 @@ def assert_counts_add_up(drone: dict) -> None:
 LEDGERS = ["embedded", "fabric"] if LONG else ["fabric"]  # for what asks most of one
 
 
+def programs_of_the_script(folder: pathlib.Path) -> pathlib.Path:
+    """A bin/ with what ./fly builds for a flight, and nothing else."""
+    script = (pathlib.Path(__file__).resolve().parents[3] / "fly").read_text()
+    names = re.search(r"^programs=\(ledgerline-{(.*)}\)$", script, re.M).group(1).split(",")
+    for part in ("bin", "libexec/ledgerline"):
+        (folder / part).mkdir(parents=True)
+        for name in ["ledgerline"] + [f"ledgerline-{name}" for name in names]:
+            if (BIN.parent / part / name).exists():
+                shutil.copy(BIN.parent / part / name, folder / part / name)
+    return folder / "bin"
+
+
 @pytest.mark.essential
 @pytest.mark.parametrize("drones,shape,ledger", [(3, "triangle", "embedded"), (1, "x", "fabric")])
-def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
+def test_drones_finish_their_path_and_land(tmp_path, monkeypatch, drones, shape, ledger):
     if ledger == "fabric":
         needs_fabric()
+    else:
+        monkeypatch.setattr(flights, "BIN", programs_of_the_script(tmp_path / "built"))
+        monkeypatch.setenv("LEDGERLINE_BIN", str(flights.BIN))
     flight = fly(tmp_path, "--drones", str(drones), "--shape", shape, "--laps", "1", "--ledger", ledger)
     assert flight.wait(180) == 0, printed(tmp_path)
     report = result(tmp_path)
@@ -122,7 +139,7 @@ def test_a_stop_on_the_ledger_lands_the_drone(tmp_path):
     wait_for_flight(tmp_path, flight)
     stop = subprocess.run([BIN / "ledgerline", "control", "--config", tmp_path / "run" / "operator.toml", "stop", "tello1"],
                           capture_output=True, text=True, timeout=30)
-    assert stop.returncode == 0, stop.stderr
+    assert stop.returncode == 0 and re.search(r"^transaction [0-9a-f]{64}$", stop.stderr, re.MULTILINE), stop.stderr
     assert flight.wait(60) == 1, printed(tmp_path)
     assert "stopped by" in result(tmp_path)["why"]
     assert json.loads((tmp_path / "run" / "agent.summary.json").read_text())["stops_applied"]["on_ledger"] == 1

@@ -44,9 +44,9 @@ def test_ctrl_c_in_mid_flight_lands(tmp_path):
 
 
 @contextlib.contextmanager
-def somebody_elses_network(directory: pathlib.Path):
+def somebody_elses_network(directory: pathlib.Path, *options: str):
     """A ledger that fly did not start, and the files that say how agent, ground and an administrator reach it."""
-    with somebody_elses(BIN / "ledgerline-node", "--dir", directory / "network", "--listen", "127.0.0.1:0") as (line, _):
+    with somebody_elses(BIN / "ledgerline-node", "--dir", directory / "network", "--listen", "127.0.0.1:0", *options) as (line, _):
         endpoint = line["endpoint"]
         organisations = directory / "network" / "crypto" / "peerOrganizations"
 
@@ -76,6 +76,20 @@ def test_a_network_of_others(tmp_path):
         assert flight.wait(90) == 0, printed(tmp_path)
     assert result(tmp_path)["ok"] is True and len(result(tmp_path)["drones"][0]["lap_s"]) == 1
     assert "ledger: a network of others" in printed(tmp_path) and result(tmp_path)["ledger"]["kind"] == "existing"
+    assert_nothing_left()
+
+
+def test_blocks_that_come_too_late_are_refused_before_take_off(tmp_path):
+    names = "".join(f'{name} = "{tmp_path}/{name}.toml"\n' for name in ("agent", "ground"))
+    file = deployment(tmp_path, POSES + SAFE + f'[ledger]\nkind = "existing"\n{names}')
+    with somebody_elses_drones(tmp_path), somebody_elses_network(tmp_path, "--batch-timeout", "2000", "--batch-count", "10"):
+        refused = refusal(tmp_path, file, 1)
+        assert "the file of ledger.agent: 10 transactions or 2000 ms a block" in refused, refused
+        assert 'set timeouts = "auto" in [ledger] of the file of ledger.agent' in refused, refused
+        for name in ("agent", "ground"):
+            config = tmp_path / f"{name}.toml"
+            config.write_text(config.read_text().replace("[ledger]", '[ledger]\ntimeouts = "auto"'))
+        assert preflight(file)[1][None, "blocks"]["verdict"] == "ok"
     assert_nothing_left()
 
 

@@ -87,7 +87,9 @@ def test_exit_codes_tell_limits_usage_and_files_apart(flown, tmp_path):
         assert usage.returncode == 2 and unknown in usage.stderr, usage.stderr
     assert timing().returncode == 2
     nothing = timing(tmp_path)
-    assert nothing.returncode == 3 and "link.trace" in nothing.stderr
+    assert nothing.returncode == 3 and "link.trace" in nothing.stderr and "fault run --real" in nothing.stderr
+    (tmp_path / "run").symlink_to(run)  # as `fault run --real` leaves it
+    assert timing(tmp_path).returncode == 0
 
 
 def test_the_self_test_runs_beside_cyclictest(tmp_path):

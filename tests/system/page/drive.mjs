@@ -178,6 +178,11 @@ async function stopAll(page, name) {
     saw.alarms.push(await page.locator('#alarm-words').textContent());
     check(saw.alarms[1] === 'No alarm', 'an acknowledged alarm stays');
   }
+  const { card } = cardOf(page, name);
+  check(await card.locator('[data-field=why]').isVisible(), 'the card does not say that it was stopped');
+  for (const clear of await page.locator('[data-action=clear_stop]').all()) await clear.click();
+  await page.locator('#stop-panel').waitFor({ state: 'hidden', timeout: LANDED_MS });
+  await card.locator('[data-field=why]').waitFor({ state: 'hidden', timeout: LANDED_MS });
 }
 
 async function main() {

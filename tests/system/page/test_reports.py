@@ -1,5 +1,6 @@
 """Pages that programs write, opened in a browser: nothing in them throws, and they show what they are about."""
 import pathlib
+import re
 import subprocess
 
 import pytest
@@ -34,5 +35,7 @@ def test_the_pages_of_a_flight(tmp_path):
     assert "Flown path" in shown(run / "report.html")
     ledgerline("timing", run, "--html", tmp_path / "timing.html")
     assert "sent" in shown(tmp_path / "timing.html")
-    ledgerline("audit", "--blocks", run / "ledger" / "ledger" / "blocks", "--anchor", run / "ledger" / "teleop.block", "--html", tmp_path / "audit.html")
-    assert "tello1" in shown(tmp_path / "audit.html")
+    ledgerline("audit", "--blocks", run, "--anchor", run / "ledger" / "teleop.block", "--html", tmp_path / "audit.html")
+    audit = shown(tmp_path / "audit.html")
+    assert re.search(r'<polyline points="[^" ]*,160 ', audit), "no commands before the first: 0"
+    assert re.search(r"<td[^>]*>landing</td>.*?<td[^>]*>[0-9a-f]{64}</td>", audit), "a transaction's id"

@@ -33,7 +33,7 @@ export function cardOf(page, name) {
 /// Until no failsafe has held a drone for a while: what a busy host does to a pose is not what is tested here.
 export async function calm(page) {
   await page.waitForFunction((calm_ms) => {
-    const held = [...document.querySelectorAll('.card [data-field=failsafe]')].some((each) => each.textContent !== 'not active');
+    const held = [...document.querySelectorAll('.card [data-field=failsafe]')].some((each) => !each.textContent.startsWith('not active'));
     if (held) globalThis.calmSince = undefined;
     else globalThis.calmSince ??= performance.now();
     return performance.now() - globalThis.calmSince > calm_ms;

@@ -31,7 +31,7 @@ def flown(tmp_path_factory) -> pathlib.Path:
 
 def test_a_new_script_is_fine_and_is_not_overwritten(tmp_path):
     fault("new", "mine", cwd=tmp_path)
-    assert "fine: 1 drones, 1 faults, 4 rules" in fault("check", "mine.toml", cwd=tmp_path).stdout
+    assert "fine: 1 drone, 1 fault, 4 rules" in fault("check", "mine.toml", cwd=tmp_path).stdout
     fault("check", "mine.toml", "--real", cwd=tmp_path)
     before = (tmp_path / "mine.toml").read_text()
     assert "left as it is" in fault("new", "mine.toml", expect=2, cwd=tmp_path).stderr

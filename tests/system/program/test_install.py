@@ -13,7 +13,7 @@ ROOT = pathlib.Path(__file__).parents[3]
 UNITS = {"onboard": ["roudi", "link", "agent"], "ground": ["ground", "bridge"], "ledger": ["node", "chaincode", "endorser"]}
 USERS = {"roudi": "ledgerline", "link": "ledgerline", "agent": "ledgerline"}
 PROGRAMS = {"common": {""}, "onboard": {"roudi", "link", "agent"}, "ledger": {"node", "chaincode", "endorser"}, "ground": {"ground", "bridge"}, "tools": {"sim"}}
-GROUPS = {"common": {"ledger"}, "ground": {"station"}, "tools": {"fault", "fly", "measure", "tello"}}  # of verbs
+GROUPS = {"common": {"ledger"}, "ground": {"control", "station"}, "tools": {"fault", "fly", "tools"}}  # of verbs
 EXAMPLES = {"onboard": {"link.toml", "agent.toml"}, "ground": {"ground.toml", "bridge.toml"},
             "ledger": {"endorser.toml", "node.env", "chaincode.env"}}
 # Exposure as `systemd-analyze security` has it, 0 to 10; a unit without any setting has 9.6.

@@ -9,7 +9,7 @@ from programs import BIN
 
 ROOT = pathlib.Path(__file__).parents[3]
 DAEMONS = {f"ledgerline-{name}" for name in ("agent", "bridge", "chaincode", "endorser", "ground", "link", "node", "roudi", "sim")}
-GROUPS = {f"ledgerline-{name}" for name in ("experiment", "fault", "fly", "ledger", "measure", "station", "tello")}
+GROUPS = {f"ledgerline-{name}" for name in ("control", "experiment", "fault", "fly", "ledger", "station", "tools")}
 
 
 def run(program: str, *arguments: str) -> subprocess.CompletedProcess:
@@ -55,6 +55,11 @@ def test_fly_says_what_it_can_where_nothing_is_built(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"fly", "scripts", "docs"}
 
 
+def test_help_of_a_verb_is_the_verbs_help():
+    for verb in ("fly", "control stop", "agent"):
+        assert run("ledgerline", *f"help {verb}".split()).stdout == run("ledgerline", *f"{verb} --help".split()).stdout != ""
+
+
 def test_what_is_like_nothing_gets_no_suggestion():
     refused = run("ledgerline", "xyzzy")
     assert refused.returncode == 2 and "did you mean" not in refused.stderr and "ledgerline --help" in refused.stderr
@@ -80,3 +85,26 @@ def test_what_a_program_does_not_know_is_bad_usage(program):
     refused = run(program, "--no-such-option")
     assert refused.returncode == 2
     assert refused.stdout == "" and refused.stderr != ""
+
+
+CONFIGS = ["agent {}", "agent --config {}", "audit --config {}", "bridge {}", "bridge --config {}", "contract status --config {}",
+           "control --config {} show", "drones --config {}", "endorser {}", "fabric up --dir none --config {}", "fly --deployment {}", "ground {}",
+           "hil proxy --config {}", "ledger get --config {} a/b", "ledger tx --config {} 3f5a", "link {}",
+           "local {}", "missions --config {}", "receipt --config {} 3f5a", "tello preflight --deployment {}"]
+
+
+@pytest.mark.parametrize("typed", CONFIGS)
+def test_a_config_that_is_missing_or_wrong_is_bad_usage(typed, tmp_path):
+    wrong = tmp_path / "wrong.toml"
+    for text in (None, "[ledger", "[ledger]\nendpoit = 3\n[service]\nlisen = 3\n"):
+        if text is not None:
+            wrong.write_text(text)
+        refused = run("ledgerline", *typed.format(wrong).split())
+        assert refused.returncode == 2 and str(wrong) in refused.stdout + refused.stderr, (text, refused)
+
+
+@pytest.mark.parametrize("program", ["ledgerline node --dir none", "ledgerline fly --watch"])
+def test_an_address_that_is_none_is_bad_usage_and_its_option_is_named(program):
+    for wrong in ("nowhere", "127.0.0.1:99999"):
+        refused = run(program, "--listen", wrong)
+        assert refused.returncode == 2 and refused.stderr.startswith("--listen: ") and wrong in refused.stderr, refused.stderr

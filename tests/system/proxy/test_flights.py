@@ -45,7 +45,10 @@ def test_a_flight_through_delays_loss_and_duplicates_holds_while_ground_is_stall
     tell(tmp_path / "run" / "faults.sock", "server ground both stall off")
     assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     report = result(tmp_path)
-    assert report["ok"] and report["asked"]["proxy"]
+    assert report["ok"] and report["asked"]["faults"]["file"] == str(script)
+    switched = [one["command"] for one in report["asked"]["faults"]["switched"]]
+    assert switched[:2] == [drone, "server * both delay 10ms"] and switched[-1] == "server ground both stall off"
+    assert "server ground both stall off" in printed(tmp_path)
     drone = report["drones"][0]
     # A state is endorsed, ordered and reported, the command made from it too: at least six times 10 ms.
     assert drone["two_way_ms"]["p5"] > 60

@@ -37,7 +37,7 @@ class Flown:
         self.truth = [r for r in records(run / "sim.trace") if r.kind == TraceKind.TRUTH]
 
     def unsigned(self) -> list[Record]:
-        """Plans that link flew, and that nobody asked for, or that a bent event reported: by number and their state's stamp."""
+        """Plans that link flew, and that nobody asked for, or that a tampered event reported: by number and their state's stamp."""
         asked = {tuple(plan) for plan in self.lies["asked"]}
         reported = {tuple(plan) for plan in self.lies["reported"]}
         return [r for r in self.applied if (r.id, r.stamp_ns) not in asked or (r.id, r.stamp_ns) in reported]

@@ -53,7 +53,7 @@ void LyingBlocks::begin() {
 
 nlohmann::json LyingBlocks::reported() const {
   const std::lock_guard lock(mutex_);
-  return {{"began_ns", began_ns_}, {"served", served_}, {"bent", bent_}, {"ordered", ordered_}};
+  return {{"began_ns", began_ns_}, {"served", served_}, {"tampered", tampered_}, {"ordered", ordered_}};
 }
 
 void LyingBlocks::follow() {
@@ -152,7 +152,7 @@ grpc::Status LyingBlocks::serve(grpc::ServerContext& context, const common::Enve
       if (block && !next) next = block->header().number();
       if (block && began_ns_ != 0) {
         ++served_;
-        if (*next >= honest_.size() || honest_[*next] != block->SerializeAsString()) ++bent_;
+        if (*next >= honest_.size() || honest_[*next] != block->SerializeAsString()) ++tampered_;
       }
     }
     if (block) {

@@ -54,7 +54,7 @@ class LyingBlocks final : public protos::Deliver::Service {
   std::optional<hil::ServingPeer> peer_;  ///< from the channel's first block on
   std::vector<std::string> honest_;       ///< the ledger's blocks, serialized
   TimeNs began_ns_ = 0;
-  std::uint64_t served_ = 0, bent_ = 0, ordered_ = 0;
+  std::uint64_t served_ = 0, tampered_ = 0, ordered_ = 0;
   bool stopping_ = false;
   grpc::ClientContext following_;
   std::thread follower_, orders_;

@@ -27,9 +27,9 @@
 #include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
 
 /// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but lies with the real key
-/// of Org1's peer in one place. Either what Endorse answers is bent by hil::Relay, from some seconds behind the first
-/// command on; or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on. LYING_NODE: the
-/// real program; LYING_LIE: a name of hil/sitl/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
+/// of Org1's peer in one place. Either what Endorse answers is tampered by hil::Relay, from some seconds behind the
+/// first command on; or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on.
+/// LYING_NODE: the real program; LYING_LIE: a name of hil/sitl/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
 /// hil/sitl/ledger/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
 namespace {
 
@@ -73,9 +73,9 @@ class LyingGateway final : public gateway::Gateway::Service {
       : stub_(gateway::Gateway::NewStub(node)), relay_(std::move(names)), after_(after) {
     relay_.set_tampering(lie);
   }
-  std::uint64_t bent() const { return bent_; }
+  std::uint64_t tampered() const { return tampered_; }
   std::uint64_t submitted() const { return submitted_; }
-  /// Number and state's stamp of every plan that was asked for, and of those that bent events tell.
+  /// Number and state's stamp of every plan that was asked for, and of those that tampered events tell.
   const nlohmann::json& asked() const { return asked_; }
   const nlohmann::json& reported() const { return reported_; }
 
@@ -90,19 +90,19 @@ class LyingGateway final : public gateway::Gateway::Service {
     if (call.function == "command" && !first_command_) first_command_ = Clock::now();
     if (!first_command_ || Clock::now() - *first_command_ < after_) return status;
     const std::string honest = response->prepared_transaction().SerializeAsString();
-    const std::string bent = relay_.bend(call, honest);
-    if (bent == honest) return status;
-    ++bent_;
-    note(reported_by(bent), reported_);
-    bent_ids_.insert(request->transaction_id());
-    response->mutable_prepared_transaction()->ParseFromString(bent);
+    const std::string tampered = relay_.tamper(call, honest);
+    if (tampered == honest) return status;
+    ++tampered_;
+    note(reported_by(tampered), reported_);
+    tampered_ids_.insert(request->transaction_id());
+    response->mutable_prepared_transaction()->ParseFromString(tampered);
     return status;
   }
   grpc::Status Submit(grpc::ServerContext* context, const gateway::SubmitRequest* request,
                       gateway::SubmitResponse* response) override {
     {
       const std::lock_guard lock(mutex_);
-      if (bent_ids_.contains(request->transaction_id())) ++submitted_;
+      if (tampered_ids_.contains(request->transaction_id())) ++submitted_;
     }
     const auto forward = grpc::ClientContext::FromServerContext(*context);
     return stub_->Submit(forward.get(), *request, response);
@@ -125,8 +125,8 @@ class LyingGateway final : public gateway::Gateway::Service {
   hil::Relay relay_;
   const std::chrono::duration<double> after_;
   std::optional<Clock::time_point> first_command_;
-  std::set<std::string> bent_ids_;
-  std::atomic<std::uint64_t> bent_ = 0, submitted_ = 0;
+  std::set<std::string> tampered_ids_;
+  std::atomic<std::uint64_t> tampered_ = 0, submitted_ = 0;
 };
 
 /// The real node, of which the first line says where it listens.
@@ -226,7 +226,7 @@ int run(int argc, char** argv) {
   int status = 0;
   waitpid(node.pid, &status, 0);
   server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(100));
-  std::ofstream(from_environment("LYING_LOG", "/dev/null")) << nlohmann::json{{"bent", lying.bent()},
+  std::ofstream(from_environment("LYING_LOG", "/dev/null")) << nlohmann::json{{"tampered", lying.tampered()},
                                                                               {"submitted", lying.submitted()},
                                                                               {"asked", lying.asked()},
                                                                               {"reported", lying.reported()},

@@ -20,9 +20,9 @@ def test_nothing_is_flown_that_nobody_signed(lying_programs, monkeypatch, lie):
     flight.wait(180)
     flown = Flown(lying_programs)
     lies, wrong = flown.lies, flown.unsigned()
-    print(f"{lie}: {lies['bent']} results bent, {lies['submitted']} signed and submitted, {len(flown.applied)} plans flown, "
+    print(f"{lie}: {lies['tampered']} results tampered with, {lies['submitted']} signed and submitted, {len(flown.applied)} plans flown, "
           f"{len(wrong)} of them asked for by nobody, highest {max(r.v2 for r in flown.truth):.2f} m")
-    assert lies["bent"] > 0 and len(flown.applied) > 20, printed(out)
+    assert lies["tampered"] > 0 and len(flown.applied) > 20, printed(out)
     assert wrong == []
     assert not flown.cuts(), "motors were cut"
     assert lies["submitted"] == 0, "a client signed what it had not asked for"

@@ -94,7 +94,7 @@ def test_a_tampered_stream_flies_nothing_and_hides_no_stop(lying_programs, monke
     landing_s = [(r.t_ns - stop_ns) / 1e9 for r in modes if r.extra == LAND]
     in_air = [r.t_ns for r in flown.truth if r.v2 > 0.1]
     down_s = (in_air[-1] - stop_ns) / 1e9
-    print(json.dumps({"lie": lie, "killed": bool(killed), "served": blocks["served"], "bent": blocks["bent"],
+    print(json.dumps({"lie": lie, "killed": bool(killed), "served": blocks["served"], "tampered": blocks["tampered"],
                       "ordered": blocks["ordered"], "flown": len(flown.applied), "unsigned": len(wrong), "alarms": violations,
                       "causes": sorted(held_for), "lands_s": landing_s and round(landing_s[0], 2), "down_s": round(down_s, 2),
                       "restarts": result(out)["restarts"]}))
@@ -111,6 +111,6 @@ def test_a_tampered_stream_flies_nothing_and_hides_no_stop(lying_programs, monke
     if lie in SILENT:
         assert violations or held_for & {PLAN_RAN_OUT, LEDGER_SILENT}, "nobody says so"
     else:
-        assert blocks["bent"] > 0 and violations, "nobody says so"
+        assert blocks["tampered"] > 0 and violations, "nobody says so"
     if killed:
         assert result(out)["restarts"]["agent"] >= 1

@@ -55,12 +55,17 @@ class Station:
         return drone
 
     def stream(self, **options) -> ClientConnection:
-        return connect(f"{self.url.replace('http', 'ws', 1)}/api/v1/stream", ssl=self.context,
-                       **({"subprotocols": ["ledgerline.v1", f"token.{self.token}"]} | options))
+        return connect(f"{self.url.replace('http', 'ws', 1)}/api/v1/stream",
+                       **({"ssl": self.context, "subprotocols": ["ledgerline.v1", f"token.{self.token}"]} | options))
+
+
+def is_ready(drone: dict) -> bool:
+    """For a take-off. While a flight starts link still waits for the ledger, and refuses one."""
+    return drone["link_phase"] in ("on_ground", "landed") and drone["position"] and drone["cause"] in ("none", "stopped") and not drone["stopped_by"]
 
 
 def take_off(station: Station, name: str) -> None:
-    station.wait(name, lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
+    station.wait(name, is_ready)
     station.say(f"drones/{name}/takeoff")
     station.wait(name, lambda drone: drone["phase"] == "manual")
 

@@ -1,4 +1,4 @@
-"""Operators with keys of their own at one ground: who clicks is who signs."""
+"""Operators with keys of their own at one ground: commands are signed by the operator."""
 import json
 import re
 import subprocess
@@ -8,7 +8,7 @@ from websockets.exceptions import InvalidStatus
 
 from flights import BIN, fly, no_flight_outlives_its_test, printed
 from station import Station, take_off, velocity
-from test_station import STOPPED, end
+from test_station import end
 
 
 class Signed(Station):
@@ -80,7 +80,7 @@ def test_an_ended_session_and_the_pages_token_stop_and_never_cut(tmp_path):
             stream.close_socket()
     alice.say("drones/tello1/clear_stop")
     station.wait("tello1", lambda drone: not drone["stopped_by"])
-    end(flight, tmp_path, STOPPED)
+    end(flight, tmp_path)
 
 
 def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path):
@@ -97,8 +97,8 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     take_off(alice, "tello1")
 
     # bob is refused in words, asks, and is handed the drone in the air: it goes on hovering.
-    bob.say("drones/tello1/path", {"waypoints": [{"x": 1, "y": 0}]})
-    bob.reported("its lease is held by")
+    status, refused = bob.ask("POST", "drones/tello1/path", {"waypoints": [{"x": 1, "y": 0}]})
+    assert status == 409 and "its lease is held by" in refused["error"], refused
     bob.say("drones/tello1/request")
     asked = station.wait("tello1", lambda drone: drone["requests"])["requests"][0]
     alice.say("drones/tello1/hand_over", {"to": {"msp": asked["msp"], "subject": asked["subject"]}})
@@ -110,7 +110,7 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
             stream.send(velocity("tello1", 0.4))
             time.sleep(0.05)
     assert station.drone("tello1")["position"][0] - before[0] > 0.2, "bob flies it"
-    alice.say("drones/tello1/path", {"waypoints": [{"x": 1, "y": 0}]})
+    assert alice.ask("POST", "drones/tello1/path", {"waypoints": [{"x": 1, "y": 0}]})[0] == 409
     time.sleep(0.5)
     assert station.drone("tello1")["phase"] == "manual", "alice does not any more"
 

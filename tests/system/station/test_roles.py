@@ -10,7 +10,7 @@ from flights import BIN, as_user, control, enroll_operator, fly, no_flight_outli
 from station import Station
 from test_missions import add, comes_back, mission, until
 from test_operators import holder, sign_in
-from test_station import STOPPED, end
+from test_station import end
 
 TRIED, TAKEN = 10_050, 1_024
 
@@ -52,4 +52,4 @@ def test_an_organisation_full_of_roles_keeps_no_other_from_starting_flying_and_a
     # Who is enrolled now in another organisation stops it in the air, at once.
     control(enroll_operator(run, 1, "User2"), "stop", "tello1")
     station.wait("tello1", lambda drone: drone["stopped_by"] and drone["phase"] == "landed")
-    end(flight, tmp_path, STOPPED)
+    end(flight, tmp_path)

@@ -12,7 +12,7 @@ import time
 
 import pytest
 from flights import assert_nothing_left, control, fly, no_flight_outlives_its_test, pid_of, printed
-from station import Station, spoilt, take_off, velocity
+from station import Station, is_ready, spoilt, take_off, velocity
 from trace_file import TraceKind, records
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -20,12 +20,9 @@ LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 LAND = 3  # FailsafeMode
 
 
-STOPPED = 1  # exit code: a stopped drone is something that went wrong
-
-
-def end(flight, out: pathlib.Path, exit_code: int = 0) -> None:
+def end(flight, out: pathlib.Path) -> None:
     flight.send_signal(signal.SIGINT)
-    assert flight.wait(60) == exit_code, printed(out)
+    assert flight.wait(60) == 0, printed(out)
     assert_nothing_left()
 
 
@@ -110,7 +107,7 @@ def test_onlookers_that_do_not_read_cost_the_others_nothing(tmp_path):
         one.close_socket()
     station.say("stop")
     station.wait("tello1", lambda drone: drone["stopped_by"] and drone["phase"] == "landed")
-    end(flight, tmp_path, STOPPED)
+    end(flight, tmp_path)
 
 
 def test_outsiders_are_refused_and_hostile_bytes_move_nothing(tmp_path):
@@ -163,7 +160,7 @@ def test_a_stop_lands_beside_a_flood_of_requests(tmp_path):
     clicked = []
     for _ in range(rounds):
         for name in names:
-            station.wait(name, lambda drone: drone["link_phase"] in ("on_ground", "landed") and drone["position"] and not drone["stopped_by"])
+            station.wait(name, is_ready)
             station.say(f"drones/{name}/takeoff")
         for name in names:
             station.wait(name, lambda drone: drone["phase"] == "manual")
@@ -178,7 +175,7 @@ def test_a_stop_lands_beside_a_flood_of_requests(tmp_path):
     for one in crowd:
         one.join()
     flight.send_signal(signal.SIGINT)
-    assert flight.wait(60) in (0, STOPPED), printed(tmp_path)
+    assert flight.wait(60) == 0, printed(tmp_path)
     assert_nothing_left()
     landing = [r for r in records(run / "link.trace") if r.kind == TraceKind.MODE and r.extra == LAND]
     took = []

@@ -1,15 +1,18 @@
 """`ledgerline drones`, `missions`, `flights` and `alarms`: flights that are flown by nothing else."""
+import http.server
 import json
+import os
 import pathlib
+import re
 import signal
 import subprocess
+import threading
 import time
 
 from commands import Person
 from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed
-from station import TIMEOUT_S, Station
+from station import TIMEOUT_S, Station, is_ready
 
-STOPPED = 1  # exit code of a flight: a stopped drone is something that went wrong
 MISSION = pathlib.Path(__file__).resolve().parents[3] / "docs/examples/mission-two.csv"
 
 
@@ -25,19 +28,22 @@ def status_of(out: pathlib.Path) -> None:
     reported = json.loads(done.stdout)
     ours = {one["program"]: one for one in reported["programs"] if (one["config"] or "").startswith(str(out))}
     assert {"ledgerline-agent", "ledgerline-link", "ledgerline-ground"} <= ours.keys(), reported
+    assert reported["not_running"] == [], reported
     assert all(0 <= one["age_s"] < 120 and not one["replaced"] and one["user"] for one in ours.values()), ours
     ledger = next(one for one in reported["ledgers"] if one["config"] == ours["ledgerline-agent"]["config"])
     assert ledger["why"] is None and ledger["peers"][0]["height"] > 3 and ledger["newest_block_age_s"] < 5, ledger
     assert [(one["drone"], "alice" in one["holder"], one["stopped_by"]) for one in ledger["drones"]] == [
         ("tello1", True, None), ("tello2", True, None)], ledger
-    assert all(one["state_age_s"] < 5 for one in ledger["drones"]), ledger
+    assert all(one["state_age_s"] < 5 and one["phase"] in ("on_ground", "flying") for one in ledger["drones"]), ledger
+    done = subprocess.run([BIN / "ledgerline", "doctor", "--json", "--config-dir", out], capture_output=True, text=True, timeout=TIMEOUT_S)
+    assert any(one["check"] == "disk" and f"{out}/run/ledger:" in one["what"] for one in json.loads(done.stdout)["checks"]), done.stdout
 
 
 def with_operators(out: pathlib.Path) -> tuple:
     flight = fly(out, "--drones", "2", "--shape", "manual", "--watch", "--operators", "alice,bob")
     station = Station(out, flight)
     for name in ("tello1", "tello2"):
-        station.wait(name, lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
+        station.wait(name, is_ready)
     return flight, station, Person(out / "alice", station, out, "alice")
 
 
@@ -46,7 +52,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     bob, anybody = Person(tmp_path / "bob", station, tmp_path, "bob"), Person(tmp_path / "anybody", station, tmp_path)
 
     table = anybody.says("drones").splitlines()
-    assert len(table) == 3 and table[1].startswith("tello1  waiting (on_ground)"), table
+    assert len(table) == 3 and table[1].startswith("tello1  waiting  "), table
     assert anybody.json("drones")["drones"][1]["name"] == "tello2"
     assert "sign in first" in anybody.refused("drones", "takeoff", "tello1")
     assert "nothing is in the air" in anybody.says("flights").lower() and anybody.json("flights") == {"flights": []}
@@ -59,6 +65,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     assert "alice is signed in as Org2MSP" in alice.log_in()
     assert oct(alice.session_file().stat().st_mode & 0o777) == "0o600"
     bob.log_in()
+    assert "nobody holds its lease: `ledgerline drones acquire tello1`" in alice.refused("drones", "takeoff", "tello1")
 
     # Leases: each is on the ledger when its command ends.
     alice.says("drones", "acquire", "tello1", "tello2")
@@ -131,7 +138,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     anybody.says("drones", "stop", "--all")
     station.wait("tello1", lambda drone: drone["stopped_by"])
     flight.send_signal(signal.SIGINT)
-    assert flight.wait(60) == STOPPED, printed(tmp_path)
+    assert flight.wait(60) == 0, printed(tmp_path)
     assert_nothing_left()
     for verb in ("drones", "missions", "flights", "alarms"):
         assert "is not reached" in anybody.refused(verb)
@@ -145,6 +152,7 @@ def test_a_mission_is_flown_by_commands(tmp_path):
     added = alice.json("missions", "add", MISSION)
     assert added["name"] == "mission-two" and added["phase"] == "checked", added
     assert not any(finding["forbids"] for finding in added["findings"]), added
+    assert alice.json("missions", "digest", MISSION)["digest"] == added["hash"]
     mission = added["id"]
 
     def wait(*phases: str) -> None:
@@ -156,6 +164,17 @@ def test_a_mission_is_flown_by_commands(tmp_path):
     assert "409" in alice.refused("missions", "start", mission)
     alice.says("missions", "approve", mission)
     assert alice.json("missions", "show", mission)["phase"] == "approved", "its approval counts when the command ends"
+    at_station = alice.json("missions", "digest", MISSION, "--url", station.url)["at_station"]
+    assert at_station["id"] == mission and "alice" in at_station["approvals"][0], at_station
+
+    def printed_by(*words: str) -> dict:
+        return json.loads(subprocess.run([BIN / "ledgerline", *words], capture_output=True, text=True, timeout=30, check=True).stdout)
+
+    operator = ("--config", tmp_path / "run" / "operator.toml")
+    anchor = printed_by("ledger", "get", *operator, "--json", "anchor/*")["value"]
+    until, ground = re.fullmatch(r"mission mission-two may be flown until (\S+) at (.*)", anchor["what"]).groups()
+    assert alice.json("missions", "digest", MISSION, "--until", until, "--ground", ground)["approval"] == anchor["digest"]
+    assert "alice" in json.dumps(printed_by("control", *operator, "verify", "--digest", anchor["digest"])["anchors"])
     alice.says("missions", "start", mission)
     wait("to_start", "flying")
     flown = alice.json("flights")["flights"]
@@ -188,9 +207,8 @@ def test_what_makes_no_sense_is_bad_usage_and_a_wrong_token_is_refused(tmp_path)
     wrong = tmp_path / "wrong.token"
     wrong.write_text("0" * 64)
     wrong.chmod(0o600)
-    for verb in ("drones", "missions"):
-        assert "401" in person.refused(verb, "--token-file", wrong)
-    assert "token" in person.refused("flights", "--token-file", wrong) + person.refused("alarms", "--token-file", wrong)
+    for verb in ("drones", "missions", "flights", "alarms"):
+        assert f"the token in {wrong} is not that of the station at" in person.refused(verb, "--token-file", wrong)
     wrong.chmod(0o644)
     assert "chmod 600" in person.refused("drones", "--token-file", wrong)
     assert "which station?" in person.misused("drones", LEDGERLINE_STATION="")
@@ -211,10 +229,50 @@ def test_what_makes_no_sense_is_bad_usage_and_a_wrong_token_is_refused(tmp_path)
     # Without operators ground's own identity signs all, and nobody signs in.
     assert "404" in person.refused("drones", "acquire", "tello1")
     assert "404" in person.refused("drones", "login", "--operator", "alice", "--pass-phrase-file", person.environment["LEDGERLINE_TOKEN_FILE"])
-    station.wait("tello1", lambda drone: drone["link_phase"] == "on_ground" and drone["position"])
+    station.wait("tello1", is_ready)
     take_off_by_commands(person, station, "tello1")
     person.says("drones", "land", "tello1")
     station.wait("tello1", lambda drone: drone["phase"] == "landed")
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 0, printed(tmp_path)
     assert_nothing_left()
+
+
+class SilentStation(http.server.BaseHTTPRequestHandler):
+    """A station that takes orders, and has no answer for who asks for its events."""
+    protocol_version = "HTTP/1.1"
+    asked: list[str] = []
+
+    def do_GET(self) -> None:
+        self.asked.append(self.path)
+        down = {"name": "tello1", "phase": "landed", "link_phase": "landed", "stopped_by": ["Org2MSP CN=pilot"]}
+        self.answer(*((503, {"error": "no events"}) if "events" in self.path else (200, {"drones": [down]})))
+
+    def do_POST(self) -> None:
+        self.rfile.read(int(self.headers["Content-Length"] or 0))
+        self.asked.append(self.path)
+        self.answer(202, {"accepted": True})
+
+    def answer(self, status: int, body: dict) -> None:
+        text = json.dumps(body).encode()
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(text)))
+        self.end_headers()
+        self.wfile.write(text)
+
+
+def test_what_brings_a_drone_down_is_sent_before_anything_is_asked(tmp_path):
+    token = tmp_path / "token"
+    token.write_text("0" * 64)
+    token.chmod(0o600)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), SilentStation) as station:
+        threading.Thread(target=station.serve_forever, daemon=True).start()
+        for verb, expected in (("land", 0), ("stop", 0), ("cut", 0), ("takeoff", 1)):
+            SilentStation.asked.clear()
+            done = subprocess.run([BIN / "ledgerline", "drones", "--wait", verb, "tello1"], capture_output=True, text=True, timeout=TIMEOUT_S,
+                                  env={"PATH": os.environ["PATH"], "LEDGERLINE_STATION": f"http://127.0.0.1:{station.server_port}",
+                                       "LEDGERLINE_TOKEN_FILE": str(token), "XDG_RUNTIME_DIR": str(tmp_path)})
+            assert done.returncode == expected, done.stderr
+            first = "/api/v1/events?since=0" if verb == "takeoff" else f"/api/v1/drones/tello1/{verb}"
+            assert SilentStation.asked[0] == first, SilentStation.asked
+        station.shutdown()

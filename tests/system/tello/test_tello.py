@@ -134,6 +134,12 @@ def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
                     '[[drone]]\nname = "b"\naddress = "127.0.0.3"\nserial = "0TQDG00SIM0009"\nstart_m = [1, 0, 0]\n')
     words = ("preflight", "--deployment", str(file), "--seconds", "1.5")
     with drones(2):
+        impatient = tmp_path / "impatient.toml"
+        impatient.write_text(file.read_text() + "[flight]\nwait_s = 4\n")
+        flight = subprocess.run([BIN / "ledgerline", "fly", "--deployment", impatient, "--out", tmp_path / "run"],
+                                capture_output=True, text=True, timeout=60)
+        assert flight.returncode == 1, flight.stderr
+        assert "127.0.0.3 says serial 0TQDG00SIM0002, not 0TQDG00SIM0009" in flight.stderr, "fly says what preflight says"
         other = tello(*words)
         assert other.returncode == 1 and "127.0.0.3 says serial 0TQDG00SIM0002, not 0TQDG00SIM0009" in other.stdout
         assert "cure: `ledgerline tello find` shows where each is" in other.stdout, other.stdout

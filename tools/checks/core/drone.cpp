@@ -30,19 +30,26 @@ std::optional<Finding> assess_temperature(const DroneInputs& drone) {
                                                         : fine("temperature", degrees);
 }
 
+/// Nothing: link has nothing against a take-off, or what another version of it has.
+std::optional<FailsafeCause> cause_of(const DroneInputs& drone) { return from_name<FailsafeCause>(drone.refusal); }
+
+bool lacks_velocity(std::optional<FailsafeCause> cause) {
+  return cause == FailsafeCause::velocity_lost || cause == FailsafeCause::height_lost;
+}
+
 Finding assess_mocap(const FlightInputs& inputs, const DroneInputs& drone) {
   constexpr const char* check = "pose";
   const std::string from =
       inputs.pose_topic.empty() ? inputs.pose_source : pose_topic_of(inputs.pose_topic, drone.name);
   const double limit_ms = to_ms(inputs.link.failsafe.pose_lost_ns);
-  if (!drone.pose) return flag(Problem::pose_silent, check, "none that agent takes has come from " + from);
+  if (!drone.pose) return flag(Problem::pose_silent, check, "agent has accepted no pose from " + from);
   const PoseInputs& pose = *drone.pose;
   std::string what = fmt::format("{}, {:.0f} ms old: {:.2f}, {:.2f}, {:.2f} m", from, pose.age_ms, pose.position_m[0],
                                  pose.position_m[1], pose.position_m[2]);
   if (!pose.frame.empty()) what += fmt::format(" in \"{}\"", pose.frame);
   if (pose.rate_hz) what += fmt::format(", {:.0f} a second", *pose.rate_hz);
   if (!pose.fault.empty()) return flag(Problem::pose_refused, check, fmt::format("{}: {}", what, pose.fault));
-  if (pose.age_ms > limit_ms || drone.refusal == "pose_lost")
+  if (pose.age_ms > limit_ms || cause_of(drone) == FailsafeCause::pose_lost)
     return flag(Problem::pose_old, check, fmt::format("{}; link takes none older than {:.0f} ms", what, limit_ms));
   if (pose.rate_hz && *pose.rate_hz * limit_ms < poses_in_time * 1000)
     return as_broken(flag(Problem::pose_rare, check, what + ": one that is lost would stop the flight"));
@@ -52,9 +59,10 @@ Finding assess_mocap(const FlightInputs& inputs, const DroneInputs& drone) {
 Finding assess_odometry(const FlightInputs& inputs, const DroneInputs& drone) {
   constexpr const char* check = "pose";
   const std::string by = fmt::format("by onboard odometry ({})", inputs.pose_source);
-  if (!drone.has_velocity || drone.refusal == "velocity_lost" || drone.refusal == "height_lost")
+  const auto cause = cause_of(drone);
+  if (!drone.has_velocity || lacks_velocity(cause))
     return flag(Problem::velocity_missing, check, by + ": none that link accepts");
-  if (drone.refusal == "position_uncertain") return flag(Problem::position_uncertain, check, by);
+  if (cause == FailsafeCause::position_uncertain) return flag(Problem::position_uncertain, check, by);
   if (!drone.pose) return fine(check, by);
   const auto& at_m = drone.pose->position_m;
   return fine(check, fmt::format("{}: {:.2f}, {:.2f}, {:.2f} m", by, at_m[0], at_m[1], at_m[2]));
@@ -66,7 +74,7 @@ Findings assess_pose(const FlightInputs& inputs, const DroneInputs& drone) {
   if (!source || !link::uses_mocap(*source)) return {assess_odometry(inputs, drone)};
   Findings out;
   // By onboard odometry it may have landed, and no pose has come since.
-  if (drone.refusal == "velocity_lost" || drone.refusal == "height_lost" || drone.refusal == "position_uncertain")
+  if (const auto cause = cause_of(drone); lacks_velocity(cause) || cause == FailsafeCause::position_uncertain)
     out.push_back(flag(Problem::pose_of_odometry, "pose", drone.refusal));
   else
     out.push_back(assess_mocap(inputs, drone));
@@ -75,33 +83,59 @@ Findings assess_pose(const FlightInputs& inputs, const DroneInputs& drone) {
   return out;
 }
 
+/// What to do against a refusal of link's; nothing: another line reports it.
+std::optional<const char*> advice_on(FailsafeCause cause) {
+  using enum FailsafeCause;
+  switch (cause) {
+    case none:
+    case battery_low:
+    case pose_lost:
+    case velocity_lost:
+    case height_lost:
+    case position_uncertain:
+      return std::nullopt;
+    case stopped:
+      return "who stopped it clears it: `ledgerline control clear_stop NAME`; what link stopped by itself as well";
+    case state_stale:
+      return "go nearer, or to a Wi-Fi channel that nobody else has";
+    case agent_silent:
+      return "look why agent does not run: its log";
+    case ledger_silent:
+      return "look whether the ledger's peer is reached: agent's log";
+    case ledger_untrusted:
+      return "agent's log says what of the ledger contradicts itself (docs/failsafe.md)";
+    case tilted:
+      return "put it on level ground";
+    case too_near:
+      return "put the drones further apart";
+    case other_client:
+      return "end the other program that commands it: link of another host with its address, or `ledgerline tello`";
+    case takeoff_refused_by_drone:
+      return "link's log has the drone's own words; wait 10 s, and try it again";
+    case fence:
+      return "put it inside the fence, or let [fence] be the room's";
+    case plan_ran_out:
+    case held_too_long:
+    case battery_critical:
+    case motion_differs:
+    case overturned:
+    case sources_differ:
+    case check_failed:
+      return "";
+  }
+  return "";
+}
+
 // What other lines do not report of a refusal of link's.
 std::optional<Finding> assess_refusal(const DroneInputs& drone) {
   constexpr const char* check = "link";
   if (!drone.phase.empty())
     return flag(Problem::not_on_ground, check, drone.phase, cure_of(Problem::not_on_ground, "ADDRESS", drone.address));
-  struct Cure {
-    const char *cause, *cure;
-  };
-  constexpr Cure cures[] = {
-      {"stopped",
-       "who stopped it clears it: `ledgerline control clear_stop NAME`; what link stopped by itself as well"},
-      {"state_stale", "go nearer, or to a Wi-Fi channel that nobody else has"},
-      {"agent_silent", "look why agent does not run: its log"},
-      {"ledger_silent", "look whether the ledger's peer is reached: agent's log"},
-      {"ledger_untrusted", "agent's log says what of the ledger contradicts itself (docs/failsafe.md)"},
-      {"tilted", "put it on level ground"},
-      {"too_near", "put the drones further apart"},
-      {"other_client",
-       "end the other program that commands it: link of another host with its address, or `ledgerline tello`"},
-      {"takeoff_refused_by_drone", "link's log has the drone's own words; wait 10 s, and try it again"},
-      {"fence", "put it inside the fence, or let [fence] be the room's"}};
-  for (const char* elsewhere :
-       {"", "none", "battery_low", "pose_lost", "velocity_lost", "height_lost", "position_uncertain"})
-    if (drone.refusal == elsewhere) return std::nullopt;
-  const auto* known =
-      std::find_if(std::begin(cures), std::end(cures), [&](const Cure& one) { return drone.refusal == one.cause; });
-  return flag(Problem::takeoff_refused, check, drone.refusal, known != std::end(cures) ? known->cure : "");
+  if (drone.refusal.empty()) return std::nullopt;
+  const auto cause = cause_of(drone);
+  const auto advice = cause ? advice_on(*cause) : std::optional<const char*>("");
+  if (!advice) return std::nullopt;
+  return flag(Problem::takeoff_refused, check, drone.refusal, *advice);
 }
 
 Findings assess(const FlightInputs& inputs, const DroneInputs& drone) {
@@ -111,9 +145,9 @@ Findings assess(const FlightInputs& inputs, const DroneInputs& drone) {
   };
   if (drone.there) {
     const auto least = static_cast<double>(inputs.link.failsafe.battery_low);
+    add_one(assess_state(drone, "0.0.0.0:8890"));
     out.push_back(assess_battery(drone, least));
     add_one(assess_temperature(drone));
-    add_one(assess_state(drone, "0.0.0.0:8890"));
     add(out, assess_pose(inputs, drone));
     add_one(assess_refusal(drone));
   }
@@ -129,6 +163,25 @@ bool is_outside(const link::FenceSettings& fence, const std::array<double, 3>& a
            at_m[1] <= fence.max_m[1]);
 }
 
+/// Of a drone whose position becomes too uncertain before its path's end.
+std::optional<Finding> assess_drift(const FlightInputs& inputs) {
+  const link::FenceSettings& f = inputs.link.fence;
+  const double width_m = std::min(f.max_m[0] - f.min_m[0], f.max_m[1] - f.min_m[1]);
+  for (const link::DroneSettings& drone : inputs.link.drones) {
+    if (drone.source != link::PoseSource::tello) continue;
+    const double lasts_s = odometry_lasts_s(inputs.link.failsafe, drone.odometry, width_m);
+    if (lasts_s >= inputs.path_s) continue;
+    Finding found =
+        flag(Problem::position_uncertain, "fence",
+             fmt::format("{}: after about {:.0f} s {:g} m are too narrow for it, and its path takes {:.0f} s",
+                         drone.name, lasts_s, width_m, inputs.path_s),
+             "a wider [fence], a shorter path, mission pads or motion capture");
+    found.severity = Severity::warning;
+    return found;
+  }
+  return std::nullopt;
+}
+
 Finding assess_fence(const FlightInputs& inputs) {
   constexpr const char* check = "fence";
   const link::FenceSettings& f = inputs.link.fence;
@@ -141,6 +194,7 @@ Finding assess_fence(const FlightInputs& inputs) {
                 fmt::format("{}: {} at {:.2f}, {:.2f} m", box, drone.name, at_m[0], at_m[1]));
   }
   if (!inputs.path) return flag(Problem::path_beyond_fence, check, inputs.path.error().message);
+  if (auto drifts = assess_drift(inputs)) return std::move(*drifts);
   return fine(check, box + (inputs.pose_source == "none" ? ": of these the ceiling alone holds" : ""));
 }
 
@@ -180,6 +234,20 @@ Finding assess(const LedgerInputs& ledger) {
 
 }  // namespace
 
+// The integral of a first-order Gauss-Markov process.
+double odometry_lasts_s(const link::FailsafeSettings& failsafe, const link::OdometrySettings& odometry,
+                        double width_m) {
+  constexpr double hour_s = 3600;
+  const double sigma_m = std::max(0.0, width_m - failsafe.min_room_m) / (2 * failsafe.fence_sigmas);
+  double t_s = 0;
+  for (; t_s < hour_s; t_s += 1) {
+    const double share = t_s / odometry.flow_s;
+    const double variance_m2 = 2 * std::pow(odometry.flow_mps * odometry.flow_s, 2) * (share - 1 + std::exp(-share));
+    if (variance_m2 > sigma_m * sigma_m) break;
+  }
+  return t_s;
+}
+
 Finding assess_presence(const DroneInputs& drone) {
   constexpr const char* check = "drone";
   const std::string where = drone.interface.empty() ? drone.address : drone.address + " behind " + drone.interface;
@@ -199,7 +267,7 @@ Finding assess_battery(const DroneInputs& drone, double battery_low) {
     return flag(Problem::battery_unknown, check, drone.address,
                 cure_of(Problem::battery_unknown, "ADDRESS", drone.address));
   const std::string share = fmt::format("{:.0f} %", 100 * *drone.battery);
-  if (drone.refusal == "battery_low" || *drone.battery <= battery_low)
+  if (cause_of(drone) == FailsafeCause::battery_low || *drone.battery <= battery_low)
     return flag(Problem::battery_low, check, fmt::format("{}; battery_low is {:.0f} %", share, 100 * battery_low));
   return *drone.battery < good_battery ? flag(Problem::battery_short, check, share) : fine(check, share);
 }
@@ -224,6 +292,7 @@ Findings assess(const FlightInputs& inputs) {
   all.push_back(assess_fence(inputs));
   all.push_back(assess_clocks(inputs));
   all.push_back(assess(inputs.ledger));
+  add(all, inputs.blocks);
   return all;
 }
 

@@ -38,6 +38,10 @@ struct DroneInputs {
   std::optional<LeaseInputs> lease{};  ///< none: nobody looked
 };
 
+/// For so long a position by onboard odometry without fixes is good enough for a path in a fence that is so wide: by
+/// the slow error of its flow alone (onboard/link/core/pose/odometry.cpp), so not longer. An hour at most.
+double odometry_lasts_s(const link::FailsafeSettings& failsafe, const link::OdometrySettings& odometry, double width_m);
+
 Finding assess_presence(const DroneInputs& drone);
 /// `battery_low`: 0..1, up to which link does not take off.
 Finding assess_battery(const DroneInputs& drone, double battery_low);
@@ -58,8 +62,10 @@ struct FlightInputs {
   bool stamps_count = true;  ///< of mocap: [pose] clock is not "arrival"
   bool enrols = true;        ///< the flight enrols drones that are not
   Status path = done;        ///< an error: where it leaves the fence
+  double path_s = 0;         ///< of the path that takes most, without its corners; 0: not known
   ClockInputs clock;
   LedgerInputs ledger;
+  Findings blocks;  ///< whether agent and ground wait for those of a network of others
 };
 
 /// Before a take-off: each drone's lines in the order of the inputs, then those of all. A drone that is not there has

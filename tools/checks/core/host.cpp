@@ -107,6 +107,11 @@ Finding assess(const PortInputs& inputs) {
               fmt::format("end it: `kill {}`; then start {}", inputs.pid, inputs.is_links ? "link" : "the flight"));
 }
 
+Finding assess_not_running(const std::string& program, const std::string& config) {
+  return flag(Problem::not_running, "program", fmt::format("ledgerline-{} by {}", program, config),
+              cure_of(Problem::not_running, "PROGRAM", program));
+}
+
 Finding assess_names(std::vector<std::string> of_link, std::vector<std::string> of_agent) {
   constexpr const char* check = "config";
   std::sort(of_link.begin(), of_link.end());

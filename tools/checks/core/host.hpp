@@ -44,7 +44,7 @@ struct SharedMemoryInputs {
   bool by_unit = false;          ///< RouDi has a unit of systemd, so another user than doctor's
 };
 Findings assess(const SharedMemoryInputs& inputs);
-/// Of that what keeps a RouDi from starting as this user.
+/// The findings among those that stop RouDi from starting as this user.
 Findings assess_place(const SharedMemoryInputs& inputs);
 
 /// A network interface by the name that `whose` config has for it.
@@ -61,9 +61,12 @@ struct PortInputs {
   bool taken = false;
   std::string program{};  ///< that has it; empty: it is not to be seen
   int pid = 0;
-  std::string why{};  ///< it cannot be had, though nobody has it; empty: it can
+  std::string why{};  ///< it cannot be bound, for a reason other than being taken; empty: there is none
 };
 Finding assess(const PortInputs& inputs);
+
+/// A service, "agent", whose config is there and that does not run.
+Finding assess_not_running(const std::string& program, const std::string& config);
 
 /// The drones' names in link.toml and in agent.toml.
 Finding assess_names(std::vector<std::string> of_link, std::vector<std::string> of_agent);

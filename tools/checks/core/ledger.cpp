@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <set>
 
@@ -54,6 +55,26 @@ Finding assess(const fabric::Batching& batching, const TimeoutInputs& inputs) {
   return flag(
       Problem::blocks_late, check, fmt::format("{}: {}", inputs.program, what),
       fmt::format("in {}: {}; or [ledger] timeouts = \"auto\"; or a shorter BatchTimeout", inputs.program, cure));
+}
+
+Finding assess_refusal(const std::string& words) {
+  // The first that fits; "" is the problem's own cure. A peer does not say that a service has another package's id: it
+  // waits for the right one, for minutes.
+  constexpr std::array<std::pair<const char*, const char*>, 6> causes{{
+      {"chaincode is not installed", "`ledgerline contract install` at this peer, of the package that is approved"},
+      {"has not yet been approved by this org", "its administrator: `ledgerline contract approve`"},
+      {"failed to create new connection: context deadline exceeded",
+       "the certificate in CHAINCODE_TLS_CERT of `ledgerline-chaincode` must be of the package's --tls-root, and a "
+       "firewall let `--address` through"},
+      {"did not answer within",
+       "`ledgerline contract status` waits longer, and tells a wrong CHAINCODE_ID of `ledgerline-chaincode` from a "
+       "wrong certificate"},
+      {"could not launch chaincode", ""},
+      {"chaincode stream terminated", ""},
+  }};
+  for (const auto& [part, cure] : causes)
+    if (words.find(part) != std::string::npos) return flag(Problem::contract_silent, "contract", words, cure);
+  return flag(Problem::ledger_refuses, "ledger", words);
 }
 
 Findings assess(const ContractInputs& inputs) {
@@ -202,6 +223,26 @@ Finding assess(const ServerInputs& inputs) {
   return fine(check, fmt::format("{}, as \"{}\"", what, inputs.name));
 }
 
+Finding assess_presence(ServerInputs inputs) {
+  if (inputs.wants_certificate) inputs.tls = inputs.http2 = true;
+  inputs.wants_certificate = false;
+  inputs.trusted = inputs.right_name = true;
+  return assess(inputs);
+}
+
+Findings assess_orderers(const std::vector<ServerInputs>& orderers) {
+  Findings all;
+  for (const ServerInputs& one : orderers) all.push_back(assess_presence(one));
+  const bool any_serves = std::ranges::any_of(all, [](const Finding& one) { return !one.problem; });
+  for (Finding& one : all) {
+    if (!one.problem) continue;
+    const bool is_down = one.problem == Problem::port_closed || one.problem == Problem::server_mute;
+    if (any_serves || !is_down) one.severity = Severity::warning;
+    one.cure = "start the orderer there; if it runs, only the peers need a way to it";
+  }
+  return all;
+}
+
 namespace {
 
 // Of whose signatures each set is tried: 4,096 policies at most. For a channel with more that are missing all of
@@ -297,7 +338,7 @@ Finding assess(const EndorsementInputs& inputs) {
         Problem::policy_unreachable, check,
         fmt::format("{}; a peer of each organisation of the channel would not do{}", what, who_signed_not(inputs)),
         "commit a definition with a policy that a peer of each of the channel's organisations can satisfy, such "
-        "as a majority (docs/fabric.md)");
+        "as a majority (docs/own-fabric.md)");
   std::set<std::string> reported;
   Names cures;
   for (const Names& names : sets)

@@ -25,6 +25,10 @@ struct TimeoutInputs {
 };
 Finding assess(const fabric::Batching& batching, const TimeoutInputs& inputs);
 
+/// What the peer answered in place of the contract's result: whether it does not reach the contract's service, and why,
+/// by Fabric's words or since only this call has no answer in time.
+Finding assess_refusal(const std::string& words);
+
 /// The definition that is committed.
 struct ContractInputs {
   std::string name;
@@ -104,6 +108,13 @@ struct ServerInputs {
   std::string issuer{}, names{};
 };
 Finding assess(const ServerInputs& inputs);
+/// Whether it answers; whom it takes and who it is, its clients check.
+Finding assess_presence(ServerInputs inputs);
+
+/// A channel's orderers, of programs that leave them to their peer: it must reach them, this host need not. So one that
+/// does not serve is a warning. It is broken only if none of them serves and its own host is reached, but its port is
+/// closed or says nothing.
+Findings assess_orderers(const std::vector<ServerInputs>& orderers);
 
 /// Whether it is HOST:PORT; "[::1]:7051" is.
 bool is_endpoint(const std::string& text);

@@ -64,6 +64,18 @@ void add(Findings& all, Findings more) {
   all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
 }
 
+Findings without_repeats(Findings findings) {
+  Findings all;
+  for (Finding& one : findings) {
+    const bool is_reported = std::any_of(all.begin(), all.end(), [&](const Finding& other) {
+      return other.problem == one.problem && other.check == one.check && other.drone == one.drone &&
+             other.what == one.what;
+    });
+    if (!is_reported) all.push_back(std::move(one));
+  }
+  return all;
+}
+
 bool anything_broken(const Findings& findings) { return count(findings, Severity::broken) > 0; }
 
 std::string words(const Findings& findings) {

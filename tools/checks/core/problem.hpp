@@ -30,10 +30,10 @@ namespace ledgerline::checks {
     "make it for the programs' user: `install -d -o ledgerline FOLDER`")                                              \
   X(disk_read_only, broken, "the file system that programs write to is read-only",                                    \
     "`mount -o remount,rw MOUNT`; where `dmesg` has errors of it, replace the card or disk")                          \
-  X(disk_full, broken, "less than 64 MB are free where programs write",                                               \
-    "delete old traces and logs, or let [output] lead to another disk")                                               \
+  X(disk_full, broken, "less than 64 MB are free where programs write: a node takes commands and stops alone",        \
+    "delete old traces and logs, or let [output], or the node's --dir, lead to another disk")                         \
   X(disk_low, warning, "less than 1 GB is free where programs write: a trace takes 0.3 GB an hour",                   \
-    "delete old traces and logs before a long flight")                                                                \
+    "delete old traces and logs")                                                                                     \
   /* the identity */                                                                                                  \
   X(certificate_missing, broken, "msp_dir has no readable signcerts/*.pem",                                           \
     "let the authority sign the request, then `ledgerline init --certificate FILE`")                                  \
@@ -50,7 +50,7 @@ namespace ledgerline::checks {
   X(key_misfit, broken, "key and certificate do not belong together",                                                 \
     "`ledgerline init --certificate FILE` with the certificate of this key's request")                                \
   X(identity_expired, broken, "the identity's certificate has expired",                                               \
-    "let the authority sign the request again, then `ledgerline init --certificate FILE`, and restart the program")   \
+    "let the authority sign the request again, then `ledgerline init --certificate FILE`")                            \
   X(identity_not_yet, broken, "the identity's certificate is not valid yet, by this host's clock",                    \
     "set the clock (`chronyc tracking`, `timedatectl`); else the authority's was ahead")                              \
   X(identity_ends, warning, "the identity's certificate ends within 30 days",                                         \
@@ -81,15 +81,16 @@ namespace ledgerline::checks {
   X(port_closed, broken, "the host answers, but nobody listens at the port",                                          \
     "start the ledger there, or set the endpoint to the port that it prints; `ss -ltn` there: at 127.0.0.1 only its " \
     "own host reaches it")                                                                                            \
-  X(server_mute, broken, "the port takes connections, and no TLS comes back: long packets may be lost",               \
-    "`ping -M do -s 1400 HOST`: if only short ones pass, `ip link set dev INTERFACE mtu` to what passes; else it is " \
-    "no TLS server, or hangs")                                                                                        \
+  X(server_mute, broken, "the port takes connections, and no TLS comes back",                                         \
+    "its process there (`ss -ltnp`): stopped? `kill -CONT`; hangs? restart it. Else long packets are lost: of "       \
+    "`ping -M do -s 1400 HOST` only short ones pass? `ip link set dev INTERFACE mtu` to what passes")                 \
   X(no_tls, broken, "the listener at the port does not speak TLS with HTTP/2",                                        \
     "set the endpoint to the peer's or orderer's own port, not its chaincode or operations port")                     \
   X(tls_ca_unreadable, broken, "the file tls_ca is unreadable, or has no certificate",                                \
     "copy the TLS authority's certificate there (`ledgerline init --collect`)")                                       \
   X(tls_wrong_authority, broken, "the server's TLS certificate is not of the authority in tls_ca",                    \
-    "set tls_ca to the TLS authority of the server's organisation, not the identities' one")                          \
+    "the endpoint must be no chaincode's port, and tls_ca the TLS authority of its organisation, not the "            \
+    "identities' one")                                                                                                \
   X(tls_wrong_name, broken, "the server's TLS certificate does not have the name that it is asked by",                \
     "set server_name, or the endpoint, to a name in the certificate")                                                 \
   X(tls_expired, broken, "the server's TLS certificate, or its authority's, has expired",                             \
@@ -110,16 +111,18 @@ namespace ledgerline::checks {
     "its words say why: another channel's name, an unknown identity")                                                 \
   X(peer_lags, warning, "the peer has fewer blocks than another organisation's",                                      \
     "look at its log, its disk and its way to the orderers")                                                          \
+  X(contract_silent, broken, "the peer does not reach the contract's service",                                        \
+    "start `ledgerline-chaincode` where the package's `--address` leads (docs/own-fabric.md)")                        \
   X(contract_missing, broken, "the channel has no contract of that name",                                             \
-    "commit its definition on the channel (docs/fabric.md), or set [ledger] contract to its name")                    \
+    "administrators: `ledgerline contract` (docs/own-fabric.md); or set [ledger] contract to its name")               \
   X(contract_other_version, warning, "the committed contract is not of these programs' version",                      \
-    "bring both to one version (docs/fabric.md); the agent's log says what it refuses")                               \
+    "administrators: `ledgerline contract` (docs/own-fabric.md); the agent's log says what it refuses")               \
   X(policy_weak, warning,                                                                                             \
     "one organisation alone satisfies the contract's endorsement policy: it can make any record",                     \
     "define the contract with a majority (docs/ledger.md)")                                                           \
   X(policy_unreachable, broken, "the peers that sign for this program do not suffice: its calls would be refused",    \
     "start the peer of the organisation that the line names, or name it in an [[endorser]]; else change the "         \
-    "contract's policy (docs/fabric.md)")                                                                             \
+    "contract's policy (docs/own-fabric.md)")                                                                         \
   X(blocks_late, broken, "the channel cuts blocks so late that commands are too old",                                 \
     "set `timeouts = \"auto\"` in [ledger], or the times that the line names, or a shorter BatchTimeout")             \
   X(records_unread, broken, "the drones' records cannot be read from the ledger",                                     \
@@ -160,6 +163,8 @@ namespace ledgerline::checks {
   X(roudi_group_shared, warning,                                                                                      \
     "other users are in the group of RouDi's user: they may write to the memory that drones are flown by",            \
     "run RouDi, link and agent as a user with its own group: `useradd --system --user-group ledgerline`")             \
+  X(not_running, warning, "a config's program does not run",                                                          \
+    "`systemctl start ledgerline-PROGRAM`; `journalctl -u ledgerline-PROGRAM` says why it ended")                     \
   X(roudi_silent, warning, "no RouDi runs: link and agent need it",                                                   \
     "`systemctl start ledgerline-roudi`, or start ledgerline-roudi by hand")                                          \
   X(roudi_left, broken, "a RouDi that is gone has left its socket",                                                   \
@@ -266,6 +271,9 @@ Finding as_broken(Finding finding);
 /// As of this drone.
 Finding of_drone(std::string drone, Finding finding);
 void add(Findings& all, Findings more);
+
+/// Each in its first place: several programs of a host have the same problem, or name the same file.
+Findings without_repeats(Findings findings);
 
 /// Whether something is broken; warnings are not.
 bool anything_broken(const Findings& findings);

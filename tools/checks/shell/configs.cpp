@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
 #include <sstream>
+#include <string_view>
 
 #include "common/config/config.hpp"
 #include "common/dds/reach.hpp"
@@ -145,6 +147,25 @@ void read_as_program(const ProgramConfig& one, Findings& findings) {
   for (std::string line; std::getline(lines, line);) findings.push_back(flag(Problem::config_wrong, "config", line));
 }
 
+/// The embedded ledger has no TOML, but the environment of its unit, whose own address counts where this has none.
+void read_node(const std::string& dir, const std::string& role, Configs& configs) {
+  const std::string path = dir + "/node.env";
+  std::error_code error;
+  if (is_forbidden(path)) {
+    configs.findings.push_back(flag(Problem::file_forbidden, "config", path, cure_of_forbidden(path)));
+  } else if (std::filesystem::exists(path, error)) {
+    configs.findings.push_back(fine("config", path));
+    configs.node = {path, "127.0.0.1:7051"};
+    constexpr std::string_view key = "LEDGERLINE_LISTEN=";
+    std::ifstream lines(path);
+    for (std::string line; std::getline(lines, line);)
+      if (line.starts_with(key)) configs.node->listen = line.substr(key.size());
+  } else if (role == "ledger" && !std::filesystem::exists(dir + "/net.toml", error)) {
+    configs.findings.push_back(
+        flag(Problem::config_missing, "config", path, "`ledgerline init --role ledger` writes it"));
+  }
+}
+
 }  // namespace
 
 bool is_forbidden(const std::string& path) {
@@ -183,6 +204,7 @@ Configs read_configs(const std::string& dir, const std::string& role) {
       if (auto read = read_config(one.program, one.path)) configs.programs.push_back(std::move(*read));
     }
   }
+  read_node(dir, role, configs);
   if (configs.findings.empty()) configs.findings.push_back(flag(Problem::config_missing, "config", dir + " has none"));
   return configs;
 }

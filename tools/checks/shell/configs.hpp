@@ -12,7 +12,7 @@
 namespace ledgerline::checks {
 
 struct ServerKeys {
-  std::string msp_id, endpoint, tls_ca, server_name, tls_certificate, tls_key;
+  std::string msp_id{}, endpoint{}, tls_ca{}, server_name{}, tls_certificate{}, tls_key{};
 };
 struct LedgerKeys {
   ServerKeys peer;
@@ -43,9 +43,15 @@ struct ProgramConfig {
   std::string pose_topic{}, pose_type{};  ///< agent's, of motion capture
 };
 
+/// node.env, of the embedded ledger.
+struct NodeConfig {
+  std::string path, listen;
+};
+
 struct Configs {
   std::vector<ProgramConfig> programs;  ///< those whose files are there and are TOML
   Findings findings;
+  std::optional<NodeConfig> node{};
   const ProgramConfig* of(const std::string& program) const;  ///< null: there is none
 };
 

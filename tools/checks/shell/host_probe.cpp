@@ -201,11 +201,13 @@ PortInputs probe_port(const std::string& listen) {
   at.sin_family = AF_INET;
   const unsigned port = colon == std::string::npos ? 0 : static_cast<unsigned>(std::atoi(listen.c_str() + colon + 1));
   at.sin_port = htons(static_cast<std::uint16_t>(port));
-  if (port == 0 || ::inet_pton(AF_INET, listen.substr(0, colon).c_str(), &at.sin_addr) != 1) return inputs;
+  if (port == 0 || ::inet_pton(AF_INET, listen.substr(0, colon).c_str(), &at.sin_addr) != 1) {
+    inputs.why = "not an IPv4 address with a port";
+    return inputs;
+  }
   const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  if (fd < 0) return inputs;
-  const int error = ::bind(fd, reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0 ? 0 : errno;
-  ::close(fd);
+  const int error = fd >= 0 && ::bind(fd, reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0 ? 0 : errno;
+  if (fd >= 0) ::close(fd);
   inputs.taken = error == EADDRINUSE;
   if (error != 0 && !inputs.taken) inputs.why = std::strerror(error);
   if (!inputs.taken) return inputs;

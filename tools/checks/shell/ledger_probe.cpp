@@ -71,7 +71,7 @@ bool is_weak(const std::string& definition, const fabric::ChannelConfig& channel
 /// Whose signatures new records of the contract need, and who could give them; none: that is not known, which `out`
 /// says.
 std::optional<NeededSignatures> query_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor,
-                                                    bool embedded, Findings& out) {
+                                                    bool embedded, std::chrono::milliseconds timeout, Findings& out) {
   // The newest, where the peer reports it; a change of the times since the anchor counts.
   auto newest = peer.config_block();
   const std::string& block = newest ? *newest : anchor;
@@ -89,6 +89,12 @@ std::optional<NeededSignatures> query_configuration(Peer& peer, const ProgramCon
       inputs.silent_after_ns = one.silent_after_ns;
     }
     out.push_back(assess(*channel->batching, inputs));
+  }
+  if (channel && !embedded && one.ledger->orderers.empty()) {  // those of the config are checked as servers
+    std::vector<ServerInputs> orderers;
+    for (const std::string& address : channel->orderer_addresses)
+      orderers.push_back(probe_server({.endpoint = address}, "channel " + channel->channel + "'s orderers", timeout));
+    add(out, assess_orderers(orderers));
   }
   ContractInputs contract{.name = one.ledger->contract, .own_version = contract::version};
   std::string policy;
@@ -112,9 +118,10 @@ std::optional<NeededSignatures> query_configuration(Peer& peer, const ProgramCon
   return needed;
 }
 
-/// Returns the organisations whose drones they are.
-std::set<std::string> query_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
-                                    const std::vector<std::string>& drones, Findings& out) {
+/// The organisations whose drones they are; none: the contract does not answer, which `out` says.
+std::optional<std::set<std::string>> query_records(Peer& peer, const ProgramConfig& one,
+                                                   const crypto::IdentityName& self,
+                                                   const std::vector<std::string>& drones, Findings& out) {
   const Side side = one.program == "agent" ? Side::agent : Side::ground;
   const auto roles = verification::read_roles(peer.contract(), {self.msp_id});
   std::set<std::string> owners;
@@ -125,8 +132,8 @@ std::set<std::string> query_records(Peer& peer, const ProgramConfig& one, const 
       owners.insert(control->owner().msp_id());
       inputs.control = std::move(*control);
     } else if (!roles) {
-      out.push_back(flag(Problem::ledger_refuses, ledger_check, control.error().message));
-      return owners;
+      out.push_back(assess_refusal(control.error().message));
+      return std::nullopt;
     }
     add(out, assess(inputs));
   }
@@ -138,21 +145,24 @@ std::set<std::string> query_records(Peer& peer, const ProgramConfig& one, const 
 Findings query_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
                       const std::vector<std::string>& drones, std::chrono::milliseconds timeout) {
   Findings out;
+  const auto wrong = [&](const Error& why) -> Findings {
+    return {flag(Problem::config_wrong, "config", fmt::format("{}: {}", one.path, why.message))};
+  };
   auto config = Config::load(one.path);
-  if (!config) return {flag(Problem::config_wrong, ledger_check, config.error().message)};
+  if (!config) return wrong(config.error());
   auto ledger = client_of_channel(*config, one);
-  if (!ledger) return {flag(Problem::ledger_refuses, ledger_check, ledger.error().message)};
+  if (!ledger) return wrong(ledger.error());
   ledger->deadline = timeout;
   auto peer = Peer::create(*ledger);
-  if (!peer) return {flag(Problem::ledger_refuses, ledger_check, peer.error().message)};
+  if (!peer) return wrong(peer.error());
   const auto height = peer->height();
   if (!height)
     return {flag(Problem::ledger_refuses, ledger_check,
                  fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().message))};
-  auto needed = query_configuration(*peer, one, anchor, embedded, out);
-  const std::set<std::string> owners = query_records(*peer, one, ledger->identity.name, drones, out);
-  if (needed) {
-    needed->owners = owners;
+  auto needed = query_configuration(*peer, one, anchor, embedded, timeout, out);
+  const auto owners = query_records(*peer, one, ledger->identity.name, drones, out);
+  if (needed && owners) {
+    needed->owners = *owners;
     add(out, query_endorsers(one, *ledger, *needed));
   }
   std::this_thread::sleep_for(between_heights);

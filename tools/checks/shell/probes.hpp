@@ -33,7 +33,8 @@ AnchorInputs read_anchor(const LedgerKeys& keys, const std::string& program, Fin
 TrustInputs read_trust(const LedgerKeys& keys, const std::string& program, const AnchorInputs& anchor);
 
 /// Resolves, connects, and shakes hands by TLS with any server; then says hello in HTTP/2, since a server that wants a
-/// certificate from its clients says so only then. Each step takes `timeout` at most.
+/// certificate from its clients says so only then. Each step takes `timeout` at most. Without a tls_ca for
+/// assess_presence() alone.
 ServerInputs probe_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds timeout);
 
 /// Asks each drone of link's config for its battery, and hears whether its state texts come. Nothing is sent while link

@@ -196,12 +196,12 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds timeout, Se
     read_end(asked, shown, inputs);
 }
 
-/// With the authorities of `keys`, and its own pair where it has one.
+/// With the authorities of `keys`, and its own pair, where it has them.
 ContextPtr context_for(const ServerKeys& keys, ServerInputs& inputs) {
   ContextPtr context(SSL_CTX_new(TLS_client_method()));
   if (!context) return context;
   crypto::apply_tls_policy(context.get());
-  if (SSL_CTX_load_verify_locations(context.get(), keys.tls_ca.c_str(), nullptr) != 1) {
+  if (!keys.tls_ca.empty() && SSL_CTX_load_verify_locations(context.get(), keys.tls_ca.c_str(), nullptr) != 1) {
     const auto bytes = read_file(keys.tls_ca);
     inputs.no_authority = fmt::format("{}: {}", keys.tls_ca, bytes ? "no certificate in PEM" : "it cannot be read");
     if (is_forbidden(keys.tls_ca)) {

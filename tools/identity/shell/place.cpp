@@ -39,16 +39,12 @@ Status set_owner_like(const std::string& before, const std::string& key) {
 
 }  // namespace
 
-Result<crypto::IdentityFiles> Place::now() const {
-  return msp_dir.empty() ? Result<crypto::IdentityFiles>(files) : crypto::identity_files(msp_dir);
+bool is_free(const crypto::IdentityPlace& place) {
+  if (place.msp_dir.empty()) return !fs::exists(place.files.certificate) && !fs::exists(place.files.private_key);
+  return !crypto::certificate_file(place.msp_dir) && !crypto::key_file(place.msp_dir);
 }
 
-bool Place::is_free() const {
-  if (msp_dir.empty()) return !fs::exists(files.certificate) && !fs::exists(files.private_key);
-  return !crypto::certificate_file(msp_dir) && !crypto::key_file(msp_dir);
-}
-
-Status put(const Place& place, const crypto::Renewal::Pair& pair) {
+Status put(const crypto::IdentityPlace& place, const crypto::Renewal::Pair& pair) {
   if (place.msp_dir.empty()) {
     // Both beside their places first: what cannot be written takes no key away.
     const auto& [certificate, key] = place.files;
@@ -61,7 +57,7 @@ Status put(const Place& place, const crypto::Renewal::Pair& pair) {
     return replace_file(certificate, pair.certificate_pem);
   }
   const fs::path folder = place.msp_dir;
-  const auto before = place.now();
+  const auto before = place.files_now();
   if (Status s = make_folder(folder / "keystore", fs::perms::owner_all); !s) return s;
   if (Status s = make_folder(folder / "signcerts", fs::perms(0755)); !s) return s;
   const auto hash = crypto::certificate_hash(pair.certificate_pem);

@@ -123,7 +123,9 @@ class Files {
   }
   void ground() {
     ConfigFile values = with_drones("ground", plan_.all_drones, "ledgerline-ground");
-    values.text("[flight]", "shape", "square");
+    values.text("[flight]", "shape", "manual");  // a service that takes off as it starts is not what init may make
+    values.text("[service]", "listen", "127.0.0.1:8800");
+    values.text("[service]", "token_file", plan_.folders.state_of("ledgerline-ground") + "/page.token");
     write("ground", "ground.toml", values);
   }
   /// One for each channel: that of a further one is NAME-CHANNEL.toml.

@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -9,12 +10,9 @@
 #include "common/base/enum_count.hpp"
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "tools/configuration/config_file.hpp"
 #include "tools/deployment/deployment.hpp"
-
-namespace ledgerline::fabric {
-struct ChannelConfig;
-}
 
 /// What one host's configs must say, out of a deployment.toml or a connection profile of Fabric; and these configs by
 /// its role. Pure.
@@ -88,14 +86,15 @@ struct PublicFile {
 struct ProfilePlan {
   HostPlan plan;
   std::vector<PublicFile> files;  ///< TLS authorities, for Directories::tls_of; and authorities, for authority_of
+  std::optional<fabric::Batching> batching{};  ///< as the channel's config block has it
 };
 /// Of Fabric's connection profile (JSON): the peers of `msp_id`'s organisation, the first of which is asked, those of
 /// others, and orderers. For a channel of its `channels` it is the first one that it lists there. Authorities that it
 /// has as PEM (in base64, too) become files, those that it has as paths are named: `profile_folder`, absolute, is what
 /// a relative one counts from. A channel `_default` is every one without an entry of its own. `channels`: as
 /// add_channels() takes them; where the profile names several that none of them gives drones to, a bare NAME says which
-/// one is the first, else an error does. `block`: of the first channel, where its config block is at hand: its name and
-/// organisations count, and the organisations' authorities become files.
+/// one is the first, else an error does. `block`: of the first channel, where its config block is at hand: its name,
+/// organisations and batching count, and the organisations' authorities become files.
 Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
                                     const Directories& folders, std::vector<std::string> channels = {},
                                     const std::string& profile_folder = "",

@@ -242,6 +242,7 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
   }
   ProfilePlan planned{std::move(plan), reader.release_files()};
   if (block) {
+    planned.batching = block->batching;
     if (auto status = take_organisations(*block, planned); !status) return status.error();
   }
   return planned;

@@ -7,6 +7,7 @@
 #include "common/base/text.hpp"
 #include "ground/mission/mission.hpp"
 #include "ground/motion/waypoints.hpp"
+#include "ground/service/missions/approvals.hpp"
 
 namespace ledgerline::station {
 
@@ -62,22 +63,70 @@ Request sign_in(const std::string& name, const std::string& pass_phrase) {
   return request;
 }
 
-Result<Request> mission_to_add(const std::string& file, std::string text, const std::string& name) {
-  if (text.size() > ground::mission::max_mission_bytes)
-    return Error{fmt::format("{}: has {} bytes; {} may be", file, text.size(), ground::mission::max_mission_bytes)};
-  if (file.ends_with(".json")) {
-    if (!name.empty()) return Error{file + ": JSON says the mission's name; --name is for CSV"};
-    return post("missions", std::move(text));
-  }
-  if (!file.ends_with(".csv")) return Error{file + ": is neither .json nor .csv (docs/station.md)"};
+namespace {
+
+/// Of a mission in CSV, which has none in it: `name`, else the file's.
+Result<std::string> csv_name(const std::string& file, const std::string& name) {
   const auto slash = file.rfind('/');
   const std::string stem = file.substr(slash + 1, file.size() - slash - 1 - std::string_view(".csv").size());
   const std::string& named = name.empty() ? stem : name;
-  if (!ground::mission::is_name(named))
-    return Error{fmt::format("\"{}\" is no mission's name: 1 to 64 of A-Z, a-z, 0-9, _ and - (--name)",
-                             printable(named, ground::mission::max_name))};
-  if (const auto mission = ground::mission::mission_from_csv(text, named, file); !mission) return mission.error();
-  Request request = post("missions?name=" + named, std::move(text));
+  if (ground::mission::is_name(named)) return named;
+  return Error{fmt::format("\"{}\" is no mission's name: 1 to 64 of A-Z, a-z, 0-9, _ and - (--name)",
+                           printable(named, ground::mission::max_name))};
+}
+
+Status check_file(const std::string& file, const std::string& text, const std::string& name) {
+  if (text.size() > ground::mission::max_mission_bytes)
+    return Error{fmt::format("{}: has {} bytes; {} may be", file, text.size(), ground::mission::max_mission_bytes)};
+  if (file.ends_with(".json") && !name.empty())
+    return Error{file + ": JSON says the mission's name; --name is for CSV"};
+  if (!file.ends_with(".json") && !file.ends_with(".csv"))
+    return Error{file + ": is neither .json nor .csv (docs/station.md)"};
+  return done;
+}
+
+}  // namespace
+
+Result<ground::mission::Mission> mission_from(const std::string& file, const std::string& text,
+                                              const std::string& name) {
+  if (const Status checked = check_file(file, text, name); !checked) return checked.error();
+  if (file.ends_with(".json")) {
+    auto mission = ground::mission::mission_from_json(std::string_view(text));
+    if (!mission) return Error{file + ": " + mission.error().message};
+    return mission;
+  }
+  const auto named = csv_name(file, name);
+  if (!named) return named.error();
+  return ground::mission::mission_from_csv(text, *named, file);
+}
+
+Result<MissionDigests> digests_of(const ground::mission::Mission& mission, const std::string& ground,
+                                  std::int64_t until_s, std::int64_t lasts_s) {
+  const crypto::Digest digest = ground::mission::digest(mission);
+  MissionDigests digests{mission.name, crypto::hex(digest), {}, {}, {}};
+  if (ground.empty()) return digests;
+  const auto blank = ground.find(' ');
+  if (blank == std::string::npos) return Error{"--ground is as the approval's words end: 'Org2MSP CN=...'"};
+  const ground::service::ApprovalTerms terms({ground.substr(0, blank), ground.substr(blank + 1)}, lasts_s);
+  const std::int64_t half_s = lasts_s / 2, given_s = until_s - 2 * half_s;  // where the approval's period begins
+  if (given_s < 0 || until_s % half_s != 0)
+    return Error{
+        "no approval ends at --until: give it as the approval's words do, and --hours as that ground has them"};
+  const auto on_ledger = terms.now(digest, given_s).front();
+  digests.words = terms.approval_words(mission.name, given_s);
+  digests.approval = crypto::hex(on_ledger.approval);
+  digests.withdrawal = crypto::hex(on_ledger.withdrawal);
+  return digests;
+}
+
+Result<Request> mission_to_add(const std::string& file, std::string text, const std::string& name) {
+  if (file.ends_with(".json")) {  // the station reads it
+    if (const Status checked = check_file(file, text, name); !checked) return checked.error();
+    return post("missions", std::move(text));
+  }
+  const auto mission = mission_from(file, text, name);
+  if (!mission) return mission.error();
+  Request request = post("missions?name=" + mission->name, std::move(text));
   request.content_type = "text/csv";
   return request;
 }
@@ -123,7 +172,7 @@ namespace {
 constexpr std::size_t token_digits = 64;
 
 /// Without TLS the token goes there as it is.
-Result<Place> place_from(const std::string& text, bool tls) {
+Result<StationAddress> address_from(const std::string& text, bool tls) {
   auto at = web::host_port_from(text);
   if (!at) return at.error();
   if (!tls && at->host == "localhost") at->host = "127.0.0.1";
@@ -131,14 +180,14 @@ Result<Place> place_from(const std::string& text, bool tls) {
     return Error{
         "must be this computer (127.0.0.1 or localhost) without TLS: https:// where the station has it, else an SSH "
         "tunnel"};
-  return Place{*at, tls};
+  return StationAddress{*at, tls};
 }
 
 }  // namespace
 
-std::string text_of(const Place& place) { return web::text_of(place.at); }
+std::string text_of(const StationAddress& address) { return web::text_of(address.at); }
 
-Result<Place> place_from_url(const std::string& url) {
+Result<StationAddress> address_from_url(const std::string& url) {
   constexpr std::string_view plain = "http://", secure = "https://";
   const auto wrong = [&](const std::string& what) {
     // What stands behind # in a page's address is its token.
@@ -146,18 +195,18 @@ Result<Place> place_from_url(const std::string& url) {
   };
   const bool tls = url.starts_with(secure);
   if (!tls && !url.starts_with(plain)) return wrong("must begin with http:// or https://");
-  std::string place = url.substr(tls ? secure.size() : plain.size());
-  if (place.ends_with('/')) place.pop_back();
-  if (place.find_first_of("/#?@") != std::string::npos)
+  std::string host_port = url.substr(tls ? secure.size() : plain.size());
+  if (host_port.ends_with('/')) host_port.pop_back();
+  if (host_port.find_first_of("/#?@") != std::string::npos)
     return wrong("must end behind its port; the token is in a file of its own");
-  auto parsed = place_from(place, tls);
+  auto parsed = address_from(host_port, tls);
   if (!parsed) return wrong(parsed.error().message);
   if (parsed->at.port == 0) return wrong("must end in a port from 1 to 65535");
   return parsed;
 }
 
-Result<Place> place_from_service(const ground::service::ServiceSettings& service) {
-  auto parsed = place_from(service.listen, service.has_tls());
+Result<StationAddress> address_from_service(const ground::service::ServiceSettings& service) {
+  auto parsed = address_from(service.listen, service.has_tls());
   if (!parsed) return parsed;
   if (parsed->at.port == 0)
     return Error{"has port 0, any that is free: which one it was ground says when it is ready; give it with --url"};

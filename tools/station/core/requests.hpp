@@ -3,6 +3,7 @@
 
 #include "common/base/result.hpp"
 #include "common/web/host_port.hpp"
+#include "ground/mission/mission.hpp"
 #include "ground/service/core/guard.hpp"
 
 /// What the station is asked (docs/station.md), and what its answers look like to a person. Pure; any thread.
@@ -36,6 +37,18 @@ Request sign_in(const std::string& name, const std::string& pass_phrase);
 
 /// `file` ends in .json or .csv; `name` is of CSV alone, which has none in it.
 Result<Request> mission_to_add(const std::string& file, std::string text, const std::string& name);
+/// What such a file holds: its digest is what missions are approved by.
+Result<ground::mission::Mission> mission_from(const std::string& file, const std::string& text,
+                                              const std::string& name);
+/// A mission's digest, and those that its approval and withdrawal have on the ledger (`ledgerline audit` lists them).
+struct MissionDigests {
+  std::string name, digest;
+  std::string words, approval, withdrawal;  ///< empty: for no ground
+};
+/// `ground`: as the approval's words name it, "Org2MSP CN=station"; empty: none. `until_s`: when they let it end.
+Result<MissionDigests> digests_of(const ground::mission::Mission& mission, const std::string& ground,
+                                  std::int64_t until_s, std::int64_t lasts_s);
+
 /// `verb`: "approve", "withdraw", "start", "pause", "resume", "land".
 Request mission_request(const std::string& id, const std::string& verb);
 
@@ -53,18 +66,18 @@ bool nobody_signs_in(const std::string& body);
 Result<std::string> signed_in_as(const std::string& body);
 
 /// Where a station listens.
-struct Place {
+struct StationAddress {
   web::HostPort at;
   bool tls = false;
 };
-std::string text_of(const Place& place);  ///< "127.0.0.1:8800"
+std::string text_of(const StationAddress& address);  ///< "127.0.0.1:8800"
 
 /// Of "http://127.0.0.1:8800" or "https://ground.example.org:8800", with or without a "/" behind it. Without TLS it
 /// must be this computer (localhost or a loopback address; the near end of an SSH tunnel is one).
-Result<Place> place_from_url(const std::string& url);
+Result<StationAddress> address_from_url(const std::string& url);
 /// Of a ground's own settings: the first of its names, else what it listens on. Port 0 is one that nobody knows
 /// beforehand.
-Result<Place> place_from_service(const ground::service::ServiceSettings& service);
+Result<StationAddress> address_from_service(const ground::service::ServiceSettings& service);
 
 /// The token of a page or a session, as a file has it: 64 hex digits.
 bool is_token(const std::string& text);

@@ -58,14 +58,22 @@ std::string number_or_none(const json& value, std::string_view unit, int digits)
   return value.is_null() ? "-" : fmt::format("{:.{}f}{}", std::max(0.0, value.get<double>()), digits, unit);
 }
 
+/// Ground's phase, and link's unless that says the same.
+std::string phases_of(const json& drone) {
+  const std::string phase = text_at(drone, "phase"), shown = phase + (drone.at("paused").get<bool>() ? ", paused" : "");
+  if (!drone.at("has_state").get<bool>()) return shown + " (not heard)";
+  const std::string of_link = text_at(drone, "link_phase");
+  const bool is_same = of_link == phase || (phase == "waiting" && of_link == "on_ground") ||
+                       (phase == "takeoff" && of_link == "taking_off");
+  return is_same ? shown : fmt::format("{} ({})", shown, of_link);
+}
+
 std::vector<std::string> drone_row(const json& drone) {
-  const bool heard = drone.at("has_state").get<bool>();
   const std::string holder = text_at(drone.at("lease"), "holder");
   std::vector<std::string> stops;
   for (const json& one : drone.at("stopped_by")) stops.push_back(text_of(one));
-  const std::string phase = text_at(drone, "phase") + (drone.at("paused").get<bool>() ? ", paused" : "");
   return {text_at(drone, "name"),
-          fmt::format("{} ({})", phase, heard ? text_at(drone, "link_phase") : "not heard"),
+          phases_of(drone),
           mode_of(drone),
           number_or_none(drone.at("battery_percent"), " %", 0),
           number_or_none(drone.at("state_age_ms"), " ms", 0),
@@ -188,6 +196,15 @@ Result<Rows> mission_rows(std::string_view body) {
   });
 }
 
+Result<std::string> mission_with(std::string_view body, const std::string& digest) {
+  return read_answer<std::string>(body, "missions", [&](const json& read) {
+    for (const json& mission : read.at("missions")) {
+      if (text_at(mission, "hash") == digest) return mission.dump(-1, ' ', false, json::error_handler_t::replace);
+    }
+    return std::string();
+  });
+}
+
 Result<std::string> mission_text(std::string_view body) {
   return read_answer<std::string>(body, "a mission", [](const json& mission) {
     const std::string by = text_at(mission, "by"), why = text_at(mission, "why"),
@@ -207,6 +224,20 @@ Result<std::string> mission_text(std::string_view body) {
     }
     return text;
   });
+}
+
+std::string digests_text(const MissionDigests& digests) {
+  const std::string text = fmt::format("mission {}\n  digest {}\n", digests.name, digests.digest);
+  if (digests.words.empty()) return text;
+  return text + fmt::format("  \"{}\", SHA-256 {}\n  withdrawn: SHA-256 {}\n", digests.words, digests.approval,
+                            digests.withdrawal);
+}
+
+std::string digests_json(const MissionDigests& digests, const std::string& at_station) {
+  json all{{"name", digests.name}, {"digest", digests.digest}, {"at_station", json::parse(at_station)}};
+  if (!digests.words.empty())
+    all.update({{"words", digests.words}, {"approval", digests.approval}, {"withdrawal", digests.withdrawal}});
+  return all.dump();
 }
 
 Result<Approvals> approvals_from(std::string_view body) {

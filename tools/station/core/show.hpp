@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "tools/station/core/requests.hpp"
 
 /// The station's answers as text for people. What comes from there is made printable; an answer that is not what
 /// version 1 of the API says is an error.
@@ -36,8 +37,14 @@ Result<bool> is_flown(std::string_view body);
 
 /// Of GET missions.
 Result<Rows> mission_rows(std::string_view body);
+/// The one of that digest, as mission_text() takes it; empty: there is none. Of GET missions.
+Result<std::string> mission_with(std::string_view body, const std::string& digest);
 /// Of GET missions/ID, or of what POST missions answers.
 Result<std::string> mission_text(std::string_view body);
+
+/// Of a mission's file, against what `ledgerline audit` lists.
+std::string digests_text(const MissionDigests& digests);
+std::string digests_json(const MissionDigests& digests, const std::string& at_station = "null");
 
 struct Approvals {
   std::string name;  ///< of the mission

@@ -1,17 +1,19 @@
 #include "tools/station/shell/options.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <chrono>
 #include <cstdio>
-#include <cstdlib>
 #include <ctime>
 #include <thread>
 
 #include "common/base/log.hpp"
+#include "common/base/text.hpp"
 #include "common/config/config.hpp"
 #include "common/program/program.hpp"
 #include "ground/shell/settings.hpp"
+#include "tools/command/runtime_folder.hpp"
 
 namespace ledgerline::station {
 namespace {
@@ -34,10 +36,17 @@ Result<ground::service::ServiceSettings> service_of(const std::string& file) {
 }
 
 /// Per station, since a token is known to one alone; where a log-out or a restart removes it, if there is such a place.
-std::string usual_session_file(const Place& place, const Environment& environment) {
-  std::string folder = environment("XDG_RUNTIME_DIR");
-  if (folder.empty() && !environment("HOME").empty()) folder = environment("HOME") + "/.cache";
-  return folder.empty() ? "" : fmt::format("{}/ledgerline/session-{}-{}", folder, place.at.host, place.at.port);
+std::string usual_session_file(const StationAddress& address, const Environment& environment) {
+  const std::string folder = runtime_folder(environment("XDG_RUNTIME_DIR"), environment("HOME"));
+  return folder.empty() ? "" : fmt::format("{}/session-{}-{}", folder, address.at.host, address.at.port);
+}
+
+/// The config of the ground of this user's flight; empty: no flight has left one.
+std::string flight_config(const Environment& environment) {
+  const std::string folder = runtime_folder(environment("XDG_RUNTIME_DIR"), environment("HOME"));
+  const std::string link = folder + "/" + flight_link;
+  struct stat info {};
+  return !folder.empty() && ::lstat(link.c_str(), &info) == 0 ? link : "";
 }
 
 std::string session_in(const Target& target) {
@@ -53,11 +62,10 @@ std::string session_in(const Target& target) {
 }  // namespace
 
 const char* const shared_notes =
-    "The station: --url and --token-file, else [service] of --config, else LEDGERLINE_STATION (http://127.0.0.1:8800) "
-    "and\n"
-    "LEDGERLINE_TOKEN_FILE. With https:// its certificate must be of --ca, else of LEDGERLINE_CA, else of an authority "
-    "that\n"
-    "this computer trusts; with --config alone it is the one that the config names.\n"
+    "The station: --url and --token-file, else [service] of --config, else LEDGERLINE_STATION and\n"
+    "LEDGERLINE_TOKEN_FILE, else your own flight's. With https:// its certificate must be of --ca, else of\n"
+    "LEDGERLINE_CA, else of an authority that this computer trusts; with --config alone it is the one that the\n"
+    "config names.\n"
     "Exit codes: 0 done; 1 the station refused, or is not reached; 2 bad usage.";
 
 void add_options(CommandLine& line, Options& options) {
@@ -74,22 +82,27 @@ void add_options(CommandLine& line, Options& options) {
 
 Result<Target> target_of(const Options& options, const Environment& environment) {
   ground::service::ServiceSettings service;
-  if (!options.config.empty()) {
-    auto read = service_of(options.config);
-    if (!read) return read.error();
+  Target target;
+  const bool is_named = !options.config.empty() || !options.url.empty() || !environment(station_variable).empty();
+  const std::string config = is_named ? options.config : flight_config(environment);
+  if (!config.empty()) {
+    if (!is_named) target.hint = "; " + config + " names it: where that flight has ended, remove this file";
+    auto read = service_of(config);
+    if (!read) return Error{read.error().message + target.hint};
     service = std::move(*read);
   }
-  Target target;
   const std::string url = !options.url.empty()     ? options.url
                           : service.listen.empty() ? environment(station_variable)
                                                    : "";
   if (url.empty() && service.listen.empty())
     return Error{
-        fmt::format("which station? --url http://127.0.0.1:8800, --config ground.toml, or {}", station_variable)};
-  auto place = url.empty() ? place_from_service(service) : place_from_url(url);
-  if (!place && url.empty()) return Error{fmt::format("{}: service.listen {}", options.config, place.error().message)};
-  if (!place) return place.error();
-  target.place = std::move(*place);
+        fmt::format("which station? --url http://127.0.0.1:8800, --config ground.toml, or {}; no flight of yours is "
+                    "watched (`ledgerline fly --watch`)",
+                    station_variable)};
+  auto address = url.empty() ? address_from_service(service) : address_from_url(url);
+  if (!address && url.empty()) return Error{fmt::format("{}: service.listen {}", config, address.error().message)};
+  if (!address) return address.error();
+  target.address = std::move(*address);
   target.token_file = !options.token_file.empty()   ? options.token_file
                       : !service.token_file.empty() ? service.token_file
                                                     : environment(token_variable);
@@ -101,23 +114,23 @@ Result<Target> target_of(const Options& options, const Environment& environment)
   if (target.tls.authority.empty() && url.empty()) target.tls.authority = service.tls.certificate;
   if (target.tls.authority.empty()) target.tls.authority = environment(ca_variable);
   target.session_named = !options.session_file.empty();
-  target.session_file = target.session_named ? options.session_file : usual_session_file(target.place, environment);
+  target.session_file = target.session_named ? options.session_file : usual_session_file(target.address, environment);
   return target;
 }
 
-Result<Target> target_of(const Options& options) {
-  return target_of(options, [](const char* name) -> std::string {
-    const char* value = std::getenv(name);
-    return value ? value : "";
-  });
-}
+Result<Target> target_of(const Options& options) { return target_of(options, environment_variable); }
 
 Result<std::unique_ptr<Station>> open(const Target& target) {
   auto token = read_secret(target.token_file);
-  if (!token) return token.error();
+  if (!token) return Error{token.error().message + target.hint};
   if (token->empty()) return Error{target.token_file + " is empty: remove it, and ground makes a new one"};
   if (!is_token(*token)) return Error{target.token_file + " must hold 64 hex digits, as ground made it"};
-  return Station::open(target.place, {std::move(*token), session_in(target), target.session_file, target.tls});
+  return Station::open(target.address, {.token = std::move(*token),
+                                        .session = session_in(target),
+                                        .session_file = target.session_file,
+                                        .tls = target.tls,
+                                        .token_file = target.token_file,
+                                        .hint = target.hint});
 }
 
 int run(const Options& options, const std::function<Status(Station& station, const Target& target)>& act) {

@@ -17,6 +17,8 @@ struct Credentials {
   std::string session;       ///< of an operator; empty: nobody is signed in
   std::string session_file;  ///< where that came from, for errors
   web::TlsFiles tls{};       ///< of a station with TLS
+  std::string token_file{};  ///< where the token came from, for errors
+  std::string hint{};        ///< behind the error that it is not reached
 };
 
 /// A client of one station: requests one after the other over one connection, which is reopened where the station has
@@ -24,7 +26,7 @@ struct Credentials {
 class Station {
  public:
   /// An error: a file of TLS.
-  static Result<std::unique_ptr<Station>> open(Place place, Credentials credentials);
+  static Result<std::unique_ptr<Station>> open(StationAddress address, Credentials credentials);
   ~Station();
 
   /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps
@@ -35,10 +37,10 @@ class Station {
 
  private:
   struct Client;
-  Station(Place place, Credentials credentials, std::unique_ptr<Client> client);
+  Station(StationAddress address, Credentials credentials, std::unique_ptr<Client> client);
   Result<Answer> send(const Request& request, const std::string& token);
 
-  const Place place_;
+  const StationAddress address_;
   const Credentials credentials_;
   std::unique_ptr<Client> client_;
 };
@@ -55,12 +57,14 @@ extern const char* const shared_notes;
 
 /// Which station, and the files that open it.
 struct Target {
-  Place place;
+  StationAddress address;
   std::string token_file, session_file;  ///< no session file: nobody signs in
   bool session_named = false;            ///< by an option, not by default
   web::TlsFiles tls{};
+  std::string hint{};  ///< of a station that nobody has named: what names it
 };
-/// By the options, else a config's [service], else the environment. An error is bad usage.
+/// By the options, else a config's [service], else the environment, else this user's flight (flight_link). An error is
+/// bad usage.
 using Environment = std::function<std::string(const char* name)>;  ///< empty: not set
 Result<Target> target_of(const Options& options, const Environment& environment);
 Result<Target> target_of(const Options& options);  ///< by this process's environment

@@ -25,7 +25,7 @@ using asio::ip::tcp;
 constexpr std::chrono::seconds timeout{15};  // unlocking an operator's key takes a part of a second
 constexpr std::size_t max_answer_bytes = 16 * 1024 * 1024;
 
-/// Why a place is not reached; empty: it is.
+/// Why an address is not reached; empty: it is.
 using Trouble = std::string;
 
 Trouble words_of(const beast::error_code& error) {
@@ -35,15 +35,15 @@ Trouble words_of(const beast::error_code& error) {
   return error.message();
 }
 
-Error not_reached(const Place& place, const Trouble& why) {
-  return {fmt::format("the station at {} is not reached: {}", text_of(place), why)};
+Error not_reached(const StationAddress& address, const Trouble& why) {
+  return {fmt::format("the station at {} is not reached: {}", text_of(address), why)};
 }
 
 }  // namespace
 
 struct Station::Client {
   asio::io_context io;
-  web::TlsContext tls{};  ///< null: the place has none
+  web::TlsContext tls{};  ///< null: the station has none
   std::optional<web::Wire> wire{};
   beast::flat_buffer buffer{};
   unsigned connections = 0;
@@ -59,16 +59,16 @@ struct Station::Client {
   }
 
   /// With TLS its handshake is done, and the other side is that host.
-  Trouble connect(const Place& place, web::Wire& to) {
+  Trouble connect(const StationAddress& address, web::Wire& to) {
     tcp::resolver resolver(io);
     beast::error_code error;
     const auto found =
-        resolver.resolve(place.at.host, std::to_string(place.at.port), tcp::resolver::numeric_service, error);
+        resolver.resolve(address.at.host, std::to_string(address.at.port), tcp::resolver::numeric_service, error);
     if (error) return words_of(error);
     to.tcp().expires_after(timeout);
     error = wait([&](auto ended) { to.tcp().async_connect(found, ended); });
     if (error || !tls) return words_of(error);
-    web::expect_host(to.tls(), place.at.host);
+    web::expect_host(to.tls(), address.at.host);
     error = wait([&](auto ended) { to.async_handshake(asio::ssl::stream_base::client, ended); });
     if (!error) return "";
     const std::string fault = web::certificate_fault(to.tls());
@@ -76,18 +76,18 @@ struct Station::Client {
   }
 };
 
-Result<std::unique_ptr<Station>> Station::open(Place place, Credentials credentials) {
+Result<std::unique_ptr<Station>> Station::open(StationAddress address, Credentials credentials) {
   auto client = std::make_unique<Client>();
-  if (place.tls) {
+  if (address.tls) {
     auto tls = web::client_tls(credentials.tls);
     if (!tls) return tls.error();
     client->tls = std::move(*tls);
   }
-  return std::unique_ptr<Station>(new Station(std::move(place), std::move(credentials), std::move(client)));
+  return std::unique_ptr<Station>(new Station(std::move(address), std::move(credentials), std::move(client)));
 }
 
-Station::Station(Place place, Credentials credentials, std::unique_ptr<Client> client)
-    : place_(std::move(place)), credentials_(std::move(credentials)), client_(std::move(client)) {}
+Station::Station(StationAddress address, Credentials credentials, std::unique_ptr<Client> client)
+    : address_(std::move(address)), credentials_(std::move(credentials)), client_(std::move(client)) {}
 Station::~Station() = default;
 
 unsigned Station::connections() const { return client_->connections; }
@@ -97,13 +97,13 @@ Result<Answer> Station::send(const Request& request, const std::string& token) {
     client_->wire.emplace(client_->io, client_->tls.get());
     client_->buffer.clear();
     ++client_->connections;
-    if (const Trouble trouble = client_->connect(place_, *client_->wire); !trouble.empty()) {
+    if (const Trouble trouble = client_->connect(address_, *client_->wire); !trouble.empty()) {
       client_->wire.reset();
-      return not_reached(place_, trouble);
+      return not_reached(address_, trouble + credentials_.hint);
     }
   }
   http::request<http::string_body> message(http::string_to_verb(request.method), "/api/v1/" + request.target, 11);
-  message.set(http::field::host, text_of(place_));
+  message.set(http::field::host, text_of(address_));
   message.set(http::field::authorization, "Bearer " + token);
   if (request.method != "GET") message.set(http::field::content_type, request.content_type);
   message.body() = request.body;
@@ -115,7 +115,7 @@ Result<Answer> Station::send(const Request& request, const std::string& token) {
   beast::error_code error = client_->wait([&](auto ended) { http::async_write(wire, message, ended); });
   if (!error) error = client_->wait([&](auto ended) { http::async_read(wire, client_->buffer, parser, ended); });
   if (error || !parser.get().keep_alive()) client_->wire.reset();
-  if (error) return not_reached(place_, words_of(error));
+  if (error) return not_reached(address_, words_of(error) + credentials_.hint);
   return Answer{parser.get().result_int(), std::move(parser.get().body())};
 }
 
@@ -134,6 +134,9 @@ Result<std::string> Station::request(const Request& request) {
   std::string refusal = taken.error().message;
   if (over && !request.anybodys)
     refusal += fmt::format("; the session in {} is over: ledgerline drones login", credentials_.session_file);
+  else if (answer->status == unknown_token)
+    refusal =
+        fmt::format("the token in {} is not that of the station at {}", credentials_.token_file, text_of(address_));
   return Error{std::move(refusal)};
 }
 

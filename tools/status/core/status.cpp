@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string_view>
 
 #include "common/base/text.hpp"
 #include "tools/station/core/show.hpp"
@@ -25,15 +28,19 @@ nlohmann::json seconds_or_null(const std::optional<TimeNs>& age_ns) {
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : printable(text); }
 std::string or_dash(const std::optional<TimeNs>& age_ns) { return age_ns ? words_of_age(*age_ns) : "-"; }
 
-std::string program_table(const std::vector<Program>& programs) {
-  if (programs.empty()) return "No program of Ledgerline runs on this host.\n";
+std::string program_table(const std::vector<Program>& programs, const std::vector<NotRunning>& not_running) {
+  if (programs.empty() && not_running.empty()) return "No program of Ledgerline runs on this host.\n";
   Rows rows{{"program", "pid", "user", "unit", "runs for", "config"}};
   bool replaced = false;
   for (const Program& one : programs) {
-    rows.push_back({one.name + (one.replaced ? " *" : ""), std::to_string(one.pid), or_dash(one.user),
-                    or_dash(one.unit), words_of_age(one.age_ns), or_dash(one.config)});
+    rows.push_back({one.name + (one.halted ? " (stands still)" : "") + (one.replaced ? " *" : ""),
+                    std::to_string(one.pid), or_dash(one.user), or_dash(one.unit), words_of_age(one.age_ns),
+                    or_dash(one.config)});
     replaced = replaced || one.replaced;
   }
+  for (const NotRunning& one : not_running)
+    rows.push_back(
+        {"ledgerline-" + one.program, "-", "-", "-", "-", fmt::format("not running ({})", printable(one.config))});
   return station::aligned(rows) +
          (replaced ? "* its file has been replaced: its next start brings what is there now\n" : "");
 }
@@ -50,10 +57,10 @@ std::string ledger_table(const Ledger& ledger) {
                                      : printable(peer.why)});
   text += station::aligned(peers);
   if (ledger.drones.empty()) return text;
-  Rows drones{{"drone", "state", "owner", "holder", "flown by", "stopped by"}};
+  Rows drones{{"drone", "state", "phase", "owner", "holder", "flown by", "stopped by"}};
   for (const Drone& drone : ledger.drones)
     drones.push_back({or_dash(drone.name), drone.why.empty() ? or_dash(drone.state_age_ns) : printable(drone.why),
-                      or_dash(drone.owner), or_dash(drone.holder),
+                      or_dash(drone.phase), or_dash(drone.owner), or_dash(drone.holder),
                       or_dash(drone.delegate.empty() ? drone.holder : drone.delegate), or_dash(drone.stopped_by)});
   return text + station::aligned(drones);
 }
@@ -70,13 +77,13 @@ std::string words_of_age(TimeNs age_ns) {
 }
 
 std::string words(const Status& status) {
-  std::string text = program_table(status.programs);
+  std::string text = program_table(status.programs, status.not_running);
   for (const Ledger& ledger : status.ledgers) text += ledger_table(ledger);
   return text;
 }
 
 std::string to_json(const Status& status) {
-  nlohmann::json programs = nlohmann::json::array(), ledgers = nlohmann::json::array();
+  nlohmann::json programs = nlohmann::json::array(), not_running = programs, ledgers = programs;
   for (const Program& one : status.programs)
     programs.push_back({{"program", printable(one.name)},
                         {"pid", one.pid},
@@ -84,7 +91,10 @@ std::string to_json(const Status& status) {
                         {"unit", text_or_null(one.unit)},
                         {"config", text_or_null(one.config)},
                         {"age_s", seconds_or_null(one.age_ns)},
-                        {"replaced", one.replaced}});
+                        {"replaced", one.replaced},
+                        {"halted", one.halted}});
+  for (const NotRunning& one : status.not_running)
+    not_running.push_back({{"program", "ledgerline-" + one.program}, {"config", printable(one.config)}});
   for (const Ledger& one : status.ledgers) {
     nlohmann::json peers = nlohmann::json::array(), drones = nlohmann::json::array();
     for (const Peer& peer : one.peers)
@@ -96,6 +106,7 @@ std::string to_json(const Status& status) {
     for (const Drone& drone : one.drones)
       drones.push_back({{"drone", printable(drone.name)},
                         {"state_age_s", seconds_or_null(drone.state_age_ns)},
+                        {"phase", text_or_null(drone.phase)},
                         {"owner", text_or_null(drone.owner)},
                         {"holder", text_or_null(drone.holder)},
                         {"delegate", text_or_null(drone.delegate)},
@@ -108,13 +119,27 @@ std::string to_json(const Status& status) {
                        {"peers", peers},
                        {"drones", drones}});
   }
-  return nlohmann::json{{"programs", programs}, {"ledgers", ledgers}}.dump();
+  return nlohmann::json{{"programs", programs}, {"not_running", not_running}, {"ledgers", ledgers}}.dump();
 }
 
-bool all_answered(const Status& status) {
-  return std::ranges::all_of(status.ledgers, [](const Ledger& ledger) {
-    return ledger.why.empty() && !ledger.peers.empty() &&
-           std::ranges::all_of(ledger.peers, [](const Peer& peer) { return peer.height || peer.endorser; });
+bool all_well(const Status& status) {
+  return status.not_running.empty() && std::ranges::all_of(status.ledgers, [](const Ledger& ledger) {
+           return ledger.why.empty() && !ledger.peers.empty() &&
+                  std::ranges::all_of(ledger.peers, [](const Peer& peer) { return peer.height || peer.endorser; });
+         });
+}
+
+bool is_service(const std::string& program) {
+  constexpr std::array services{"link", "agent", "ground", "bridge", "endorser"};
+  return std::ranges::find(services, program) != services.end();
+}
+
+bool is_running(const std::vector<Program>& programs, const std::string& program, const std::string& config) {
+  const std::filesystem::path wanted = config;
+  return std::ranges::any_of(programs, [&](const Program& one) {
+    const std::filesystem::path own = one.config;
+    return one.name == "ledgerline-" + program && !one.halted &&
+           (own.is_absolute() ? own == wanted : own.filename() == wanted.filename());
   });
 }
 
@@ -125,8 +150,7 @@ std::vector<std::string> words_of(const std::string& cmdline) {
   return words;
 }
 
-std::string config_of(const std::vector<std::string>& words) {
-  const std::string option = "--config";
+std::string value_of(const std::string& option, const std::vector<std::string>& words) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     if (words[i] == option && i + 1 < words.size()) return words[i + 1];
     if (words[i].starts_with(option + "=")) return words[i].substr(option.size() + 1);
@@ -141,6 +165,13 @@ std::string unit_of(const std::string& cgroup) {
     if (last.ends_with(".service")) return last;
   }
   return {};
+}
+
+bool is_halted(const std::string& status) {
+  constexpr std::string_view field = "\nState:\t";
+  const auto at = status.find(field);
+  return at != std::string::npos && at + field.size() < status.size() &&
+         std::string_view("Tt").find(status[at + field.size()]) != std::string_view::npos;
 }
 
 std::optional<double> start_of(const std::string& stat, double ticks_per_s) {

@@ -5,6 +5,7 @@
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
+#include "common/msg/names.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "common/verification/control_records.hpp"
@@ -18,16 +19,15 @@ std::string text_of(const Identity& identity) {
   return identity.msp_id().empty() ? "" : identity.msp_id() + " " + identity.subject();
 }
 
-/// When the drone's newest state was taken; each has a status, also without a pose. None: the ledger has none.
-std::optional<TimeNs> newest_stamp(const std::string& drone, const verification::Evaluate& evaluate) {
+/// Each has a status, also without a pose. None: the ledger has none.
+std::optional<DroneState> newest_state(const std::string& drone, const verification::Evaluate& evaluate) {
   QueryCall query;
   query.set_id(drone + "/link");
   const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
   Assets assets;
   if (!answer || !parse_message(*answer, assets) || assets.assets_size() != 1) return std::nullopt;
   const auto state = state_from_cdr(assets.assets(0).msg_data(), "");
-  // Of a block of before there is no real time beside the state.
-  return state && state->real_ns != 0 ? std::optional(state->real_ns) : std::nullopt;
+  return state ? std::optional(*state) : std::nullopt;
 }
 
 Drone query_drone(const std::string& name, const verification::Evaluate& evaluate) {
@@ -41,7 +41,11 @@ Drone query_drone(const std::string& name, const verification::Evaluate& evaluat
   drone.holder = text_of(control->holder());
   drone.delegate = text_of(control->delegate());
   if (control->stoppers_size() > 0) drone.stopped_by = text_of(control->stoppers(0).stopper());
-  if (const auto stamp_ns = newest_stamp(name, evaluate)) drone.state_age_ns = realtime_ns() - *stamp_ns;
+  if (const auto state = newest_state(name, evaluate)) {
+    drone.phase = ledgerline::name(state->sample.phase);
+    // Of a block of before there is no real time beside the state.
+    if (state->real_ns != 0) drone.state_age_ns = realtime_ns() - state->real_ns;
+  }
   return drone;
 }
 
@@ -57,6 +61,17 @@ Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
   return peer;
 }
 
+/// Whose the program's peer is: its own organisation's, unless an [[endorser]] at the same endpoint is another's.
+std::string organisation_of_peer(const fabric::ClientConfig& client, const std::vector<checks::ServerKeys>& endorsers) {
+  std::string msp_id = client.identity.name.msp_id;
+  for (const checks::ServerKeys& one : endorsers) {
+    if (one.endpoint != client.endpoint) continue;
+    if (one.msp_id == client.identity.name.msp_id) return one.msp_id;
+    msp_id = one.msp_id;
+  }
+  return msp_id;
+}
+
 }  // namespace
 
 Ledger query_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds timeout) {
@@ -70,7 +85,7 @@ Ledger query_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds 
     ledger.why = questions.error().message;
     return ledger;
   }
-  ledger.peers.push_back(height_of(*client, client->identity.name.msp_id));
+  ledger.peers.push_back(height_of(*client, organisation_of_peer(*client, one.ledger->endorsers)));
   for (const checks::ServerKeys& other : one.ledger->endorsers) {
     if (other.endpoint == client->endpoint) continue;
     ledger.peers.push_back(height_of(checks::client_at(other, *client), other.msp_id));

@@ -48,12 +48,18 @@ std::optional<Program> read_program(int pid, double up_s) {
   const auto start_s = start_of(text_of(folder + "/stat"), static_cast<double>(::sysconf(_SC_CLK_TCK)));
   if (!start_s) return std::nullopt;
   program.age_ns = from_seconds(up_s - *start_s);
-  program.user = user_of(text_of(folder + "/status"));
+  const std::string described = text_of(folder + "/status");
+  program.user = user_of(described);
+  program.halted = is_halted(described);
   program.unit = unit_of(text_of(folder + "/cgroup"));
-  program.config = config_of(words);
-  if (program.config.empty() || program.config.front() == '/') return program;
+  program.config = value_of("--config", words);
+  if (program.config.empty() && is_service(program.name.substr(program.name.find('-') + 1)) && words.size() == 2 &&
+      !words[1].starts_with('-'))
+    program.config = words[1];
+  program.dir = value_of("--dir", words);
   const fs::path from = fs::read_symlink(folder + "/cwd", error);
-  if (!error) program.config = (from / program.config).lexically_normal();
+  for (std::string* const file : {&program.config, &program.dir})
+    if (!error && !file->empty()) *file = (from / *file).lexically_normal();
   return program;
 }
 
@@ -70,6 +76,17 @@ std::vector<Program> running_programs() {
   }
   std::ranges::sort(programs, {}, [](const Program& one) { return std::tie(one.name, one.pid); });
   return programs;
+}
+
+std::vector<NotRunning> not_running(const checks::Configs& configs, const std::vector<Program>& programs) {
+  std::vector<NotRunning> all;
+  for (const checks::ProgramConfig& one : configs.programs) {
+    const std::string path = fs::absolute(one.path).lexically_normal();
+    if (is_service(one.program) && !is_running(programs, one.program, path)) all.push_back({one.program, path});
+  }
+  if (configs.node && std::ranges::find(programs, "ledgerline-node", &Program::name) == programs.end())
+    all.push_back({"node", fs::absolute(configs.node->path).lexically_normal()});
+  return all;
 }
 
 }  // namespace ledgerline::status

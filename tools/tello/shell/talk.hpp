@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/msg/onboard.hpp"
 #include "common/rt/clock.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/dialogue.hpp"
@@ -16,7 +17,6 @@
 /// What is said to Tellos and heard of them, by loops that go round every few milliseconds.
 namespace ledgerline::tello {
 
-inline constexpr std::uint16_t command_port = 8889, state_port = 8890;
 inline constexpr TimeNs pace_ns = 4 * ns_per_ms;  // between two datagrams: a subnet of 254 is asked within a second
 inline constexpr std::size_t max_reads = 64;      // of one turn, so that a flood ends no timeout
 inline constexpr std::size_t max_bytes = 1024;    // what Tello clients receive with

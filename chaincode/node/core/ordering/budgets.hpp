@@ -37,7 +37,7 @@ class InvalidBudget {
 
   /// Why nothing of this one is ordered now that is not urgent.
   std::optional<std::string> refusal(const crypto::IdentityName& who, TimeNs now_ns) const;
-  /// It waits for its block. By its id: who has claimed another's id waits under his own.
+  /// It is ordered, not yet in a block. A copied transaction id counts against its sender.
   void ordered(const std::string& tx_id, const crypto::IdentityName& who);
   /// It is in a block. One that was not ordered here is ignored.
   void settle(const std::string& tx_id, bool valid, TimeNs now_ns);

@@ -11,11 +11,11 @@ namespace {
 /// A drone that has sent nothing for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
 constexpr TimeNs recent_ns = 300 * ns_per_ms;
 
-/// Of a drone's states each so-many-th brings its charge. `get` finds what the last frame has not in the frames before
+/// Of a drone's states each so-many-th brings its charge. `get` finds what the last batch has not in the batches before
 /// it, of which some may be other drones'.
 constexpr std::size_t battery_every = 16;
 static_assert(4 * battery_every <= contract::max_page_versions);
-// Who begins to read in the middle of a slow ledger's frames knows the charge soon, too.
+// Who begins to read in the middle of a slow ledger's batches knows the charge soon, too.
 constexpr TimeNs max_battery_gap_ns = 1 * ns_per_s;
 
 bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
@@ -23,7 +23,7 @@ bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.b
 }  // namespace
 
 Batcher::Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
-    : config_(config), random_(seed), pause_(config.first_back_off_ns, config.max_back_off_ns) {
+    : config_(config), random_(seed), pause_(config.back_off) {
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
@@ -88,50 +88,50 @@ bool Batcher::is_battery_due(TimeNs now, Slot& slot) {
   return due;
 }
 
-std::optional<Frame> Batcher::next(TimeNs now) {
+std::optional<StateBatch> Batcher::next(TimeNs now) {
   drop_stale(now);
   if (now < due_ns(now)) return std::nullopt;
   again_at_once_ = false;
-  Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}, .batteries = {}};
+  StateBatch batch{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}, .batteries = {}};
   for (Slot& slot : slots_) {
     if (slot.paused_until_ns > now) continue;
     if (!slot.waiting) {
-      if (slot.sent) frame.repeated.push_back(*slot.sent);
+      if (slot.sent) batch.repeated.push_back(*slot.sent);
       continue;
     }
     if (!slot.sent || newer(*slot.waiting, *slot.sent)) ++slot.counters.sent;
     slot.sent = slot.waiting;
-    if (is_battery_due(now, slot)) frame.batteries.push_back(slot.drone.number);
-    frame.samples.push_back(*slot.waiting);
+    if (is_battery_due(now, slot)) batch.batteries.push_back(slot.drone.number);
+    batch.samples.push_back(*slot.waiting);
     slot.waiting.reset();
   }
-  in_flight_.add(frame.number, now, frame);
-  return frame;
+  in_flight_.add(batch.number, now, batch);
+  return batch;
 }
 
-void Batcher::drop_all(const Frame& frame) {
-  for (const StateSample& sample : frame.samples) {
+void Batcher::drop_all(const StateBatch& batch) {
+  for (const StateSample& sample : batch.samples) {
     Slot* slot = find_drone(slots_, sample.drone);
     --slot->counters.pending;
     ++slot->counters.dropped;
   }
 }
 
-Batcher::Slot* Batcher::refused_drone(const Frame& frame, const fabric::Outcome& outcome) {
+Batcher::Slot* Batcher::refused_drone(const StateBatch& batch, const fabric::Outcome& outcome) {
   if (!outcome.refusal) return nullptr;
   const auto names_it = [&](const StateSample& s) {
     return fabric::names(*outcome.refusal, find_drone(slots_, s.drone)->drone.name);
   };
-  for (const auto* samples : {&frame.samples, &frame.repeated}) {
+  for (const auto* samples : {&batch.samples, &batch.repeated}) {
     const auto it = std::find_if(samples->begin(), samples->end(), names_it);
     if (it != samples->end()) return find_drone(slots_, it->drone);
   }
   return nullptr;
 }
 
-void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) {
+void Batcher::send_again_without(TimeNs now, Slot& refused, const StateBatch& batch) {
   refused.paused_until_ns = now + config_.refused_drone_pause_ns;
-  for (const StateSample& sample : frame.samples) {
+  for (const StateSample& sample : batch.samples) {
     Slot* slot = find_drone(slots_, sample.drone);
     if (slot == &refused) {
       --slot->counters.pending;
@@ -146,19 +146,19 @@ void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) 
   again_at_once_ = true;
 }
 
-std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
+std::optional<StateBatch> Batcher::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome) {
   auto ended = in_flight_.end(number, outcome);
   if (!ended) return std::nullopt;
-  const Frame& frame = ended->what;
+  const StateBatch& batch = ended->what;
   if (outcome.kind != fabric::Outcome::Kind::committed) {
-    for (const DroneNumber drone : frame.batteries) find_drone(slots_, drone)->states_to_battery = 0;
+    for (const DroneNumber drone : batch.batteries) find_drone(slots_, drone)->states_to_battery = 0;
   }
   using Kind = fabric::Outcome::Kind;
   switch (outcome.kind) {
     case Kind::committed:
       ++transactions_.committed;
       pause_.succeeded();
-      for (const StateSample& sample : frame.samples) {
+      for (const StateSample& sample : batch.samples) {
         Slot* slot = find_drone(slots_, sample.drone);
         --slot->counters.pending;
         ++slot->counters.on_ledger;
@@ -167,21 +167,21 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
     case Kind::invalidated:
       ++transactions_.invalidated;
       pause_.succeeded();
-      drop_all(frame);
+      drop_all(batch);
       break;
     case Kind::refused:
       ++transactions_.refused;
-      if (Slot* slot = refused_drone(frame, outcome)) {
-        send_again_without(now, *slot, frame);
+      if (Slot* slot = refused_drone(batch, outcome)) {
+        send_again_without(now, *slot, batch);
       } else {
-        drop_all(frame);
+        drop_all(batch);
         pause_.failed(now, random_);
       }
       break;
     case Kind::unavailable:
     case Kind::overloaded:
       ++transactions_.unavailable;
-      drop_all(frame);
+      drop_all(batch);
       pause_.failed(now, random_);
       break;
   }

@@ -8,9 +8,9 @@
 
 namespace ledgerline::agent {
 
-StopApplier::StopApplier(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
-    : limits_{.first_pause_ns = config.first_back_off_ns,
-              .max_pause_ns = config.max_back_off_ns,
+StopApplier::StopApplier(const BackOffLimits& back_off, const std::vector<DroneName>& drones, std::uint64_t seed)
+    : limits_{.first_pause_ns = back_off.first_ns,
+              .max_pause_ns = back_off.max_ns,
               .within_ns = std::numeric_limits<TimeNs>::max(),  // a stop stands until somebody clears it
               .attempts = std::numeric_limits<int>::max()},
       seeds_(seed) {
@@ -75,10 +75,10 @@ fabric::Call encode_apply_stops(const StopApplier::Sending& sending) {
   return {contract::apply_stops, {call.SerializeAsString()}};
 }
 
-IdleEvictor::IdleEvictor(TimeNs idle_ns, const BatchConfig& config, const std::vector<DroneName>& drones,
+IdleEvictor::IdleEvictor(TimeNs idle_ns, const BackOffLimits& back_off, const std::vector<DroneName>& drones,
                          std::uint64_t seed)
     : idle_ns_(idle_ns),
-      limits_{.first_pause_ns = config.first_back_off_ns, .max_pause_ns = config.max_back_off_ns, .attempts = 10},
+      limits_{.first_pause_ns = back_off.first_ns, .max_pause_ns = back_off.max_ns, .attempts = 10},
       seeds_(seed) {
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
@@ -143,7 +143,7 @@ bool IdleEvictor::is_evicting(DroneNumber drone) const {
   return slot && slot->call != 0;
 }
 
-bool IdleEvictor::in_flight() const {
+bool IdleEvictor::has_call_in_flight() const {
   return std::any_of(slots_.begin(), slots_.end(), [](const Slot& s) { return s.call != 0; });
 }
 

@@ -4,9 +4,10 @@
 #include <vector>
 
 #include "common/fabric/calls/repeat.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry.hpp"
-#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/drone_name.hpp"
 
 namespace ledgerline::agent {
 
@@ -14,7 +15,7 @@ namespace ledgerline::agent {
 /// has it. From then on the contract refuses the holder's commands, and those in flight are invalid. Likewise a
 /// holder's revocation, which writes nothing but his role: `apply_stops` ends his lease. Agent itself obeys both at
 /// once, whatever becomes of its call. And a contract of a newer version: `apply_stops` renews the drone's records,
-/// without which no frame is valid. That has a pause of its own, with back-off, since a frame may lack endorsements for
+/// without which no batch is valid. That has a pause of its own, with back-off, since a batch may lack endorsements for
 /// other reasons, for as long as those last.
 ///
 ///     stop seen -> wanted -> in flight -> committed: over, unless another stop came meanwhile
@@ -31,17 +32,17 @@ class StopApplier {
   static constexpr TimeNs first_renewal_pause_ns = 200 * ns_per_ms, max_renewal_pause_ns = 1 * ns_per_s;
 
   struct Sending {
-    std::uint64_t number = 0;  ///< never that of a frame or of transitions
+    std::uint64_t number = 0;  ///< for finished()
     const DroneName* drone = nullptr;
   };
 
-  StopApplier(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+  StopApplier(const BackOffLimits& back_off, const std::vector<DroneName>& drones, std::uint64_t seed);
 
   /// A stop of this drone, or a revocation that concerns it, was seen in a block or in its record.
   void request(TimeNs now, DroneNumber drone);
-  /// A frame of states lacked endorsements: apply_stops of all drones, at most so often as the pause has it.
+  /// A batch of states lacked endorsements: apply_stops of all drones, at most so often as the pause has it.
   void request_renewal(TimeNs now);
-  /// A frame of states is on the ledger, so the records are good: the pause is short again.
+  /// A batch of states is on the ledger, so the records are good: the pause is short again.
   void on_renewed() { renewal_pause_.succeeded(); }
   /// A call to make now, if any; it is then in flight.
   std::optional<Sending> next(TimeNs now);
@@ -66,7 +67,7 @@ class StopApplier {
   fabric::RepeatLimits limits_;
   Random seeds_;
   BackOff renewal_pause_{first_renewal_pause_ns, max_renewal_pause_ns};
-  std::uint64_t last_call_ = std::uint64_t{3} << 62;  // transitions count from the half of that range
+  std::uint64_t last_call_ = 0;
   std::uint64_t applied_ = 0, repeated_ = 0;
 };
 
@@ -99,7 +100,7 @@ class IdleEvictor {
     bool ledger_alive = false;
   };
   struct Sending {
-    std::uint64_t number = 0;  ///< never that of a frame, of transitions or of apply_stops
+    std::uint64_t number = 0;  ///< for finished()
     const DroneName* drone = nullptr;
     std::uint64_t lease = 0;  ///< its epoch: a client that has acquired the drone since keeps it
   };
@@ -112,7 +113,7 @@ class IdleEvictor {
   };
 
   /// `idle_ns`: 0: nobody is ever evicted.
-  IdleEvictor(TimeNs idle_ns, const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+  IdleEvictor(TimeNs idle_ns, const BackOffLimits& back_off, const std::vector<DroneName>& drones, std::uint64_t seed);
 
   /// How it is now; for each drone, before next().
   void update(TimeNs now, DroneNumber drone, const View& view);
@@ -125,7 +126,7 @@ class IdleEvictor {
 
   /// A call of this drone is in flight: its holder may lose it any moment.
   bool is_evicting(DroneNumber drone) const;
-  bool in_flight() const;
+  bool has_call_in_flight() const;
   TimeNs idle_ns() const { return idle_ns_; }
   const Counters& counters() const { return counters_; }
 
@@ -145,7 +146,7 @@ class IdleEvictor {
   std::vector<Slot> slots_;
   fabric::RepeatLimits limits_;
   Random seeds_;
-  std::uint64_t last_call_ = std::uint64_t{7} << 61;  // apply_stops counts from three quarters of that range
+  std::uint64_t last_call_ = 0;
   Counters counters_;
 };
 

@@ -38,15 +38,15 @@ void add_state(SetCall& call, const StateSample& sample, const std::string& dron
 
 }  // namespace
 
-fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& drones, TimeNs real_offset_ns) {
+fabric::Call encode_batch(const StateBatch& batch, const std::vector<DroneName>& drones, TimeNs real_offset_ns) {
   SetCall call;
   call.set_stream(true);
-  for (const auto* samples : {&frame.samples, &frame.repeated}) {
+  for (const auto* samples : {&batch.samples, &batch.repeated}) {
     for (const StateSample& sample : *samples) {
       const auto it = std::ranges::find(drones, sample.drone, &DroneName::number);
       if (it == drones.end()) continue;
       const bool with_battery =
-          std::find(frame.batteries.begin(), frame.batteries.end(), sample.drone) != frame.batteries.end();
+          std::find(batch.batteries.begin(), batch.batteries.end(), sample.drone) != batch.batteries.end();
       if (with_battery) add_battery(call, sample, it->name, real_offset_ns);
       add_state(call, sample, it->name, real_offset_ns);
     }
@@ -54,7 +54,7 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
   return fabric::Call{.function = contract::set,
                       .args = {call.SerializeAsString()},
                       .reported_by_block = true,
-                      .need = verification::frame_need()};
+                      .need = verification::batch_need()};
 }
 
 fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns) {

@@ -52,15 +52,15 @@ std::vector<IntegrityMonitor::LogEntry> IntegrityMonitor::pop_log_entries(TimeNs
   return entries;
 }
 
-AlarmSender::AlarmSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
-    : pause_(config.first_back_off_ns, config.max_back_off_ns), random_(seed) {
+AlarmSender::AlarmSender(const BackOffLimits& back_off, const std::vector<DroneName>& drones, std::uint64_t seed)
+    : pause_(back_off), random_(seed) {
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
 bool AlarmSender::due(const Slot& slot, TimeNs now, const ReportedAlarm& truth) const {
   const bool rested = now >= slot.rest_until_ns;
   if (slot.refused && !rested) return false;
-  return truth.stands != slot.said.stands || (truth.count != slot.said.count && rested);
+  return truth.stands != slot.reported.stands || (truth.count != slot.reported.count && rested);
 }
 
 std::optional<AlarmSender::Sending> AlarmSender::next(TimeNs now, const IntegrityMonitor& integrity) {
@@ -85,7 +85,7 @@ bool AlarmSender::finished(TimeNs now, std::uint64_t number, const fabric::Outco
   const bool refused = outcome.kind == fabric::Outcome::Kind::refused;
   for (Slot& slot : slots_) {
     if (!std::exchange(slot.sending, false)) continue;
-    if (committed) slot.said = sending_;
+    if (committed) slot.reported = sending_;
     slot.refused = refused && alone_;
     if (committed || slot.refused) slot.rest_until_ns = now + gap_ns;
   }

@@ -9,9 +9,11 @@
 #include "common/base/enum_count.hpp"
 #include "common/base/random.hpp"
 #include "common/fabric/calls/outcome.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/msg/onboard.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/retry.hpp"
-#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/drone_name.hpp"
 
 namespace ledgerline::agent {
 
@@ -36,8 +38,8 @@ std::string_view name(IntegrityViolation kind);
 /// Pure; one thread; memory bounded: of each kind its count and its newest words.
 class IntegrityMonitor {
  public:
-  static constexpr std::size_t max_text_bytes =
-      300;  ///< bytes of one reason; more is cut. An alarm is an asset of the ledger
+  /// Bytes of one reason; more is cut. An alarm is an asset of the ledger.
+  static constexpr std::size_t max_text_bytes = 300;
   /// Between two log entries of one kind: a peer may give thousands of reasons a second, and a log must not fill a
   /// disk.
   static constexpr TimeNs log_gap_ns = 60 * ns_per_s;
@@ -85,12 +87,12 @@ class IntegrityMonitor {
   bool records_differ_ = false;
 };
 
-/// Brings agent's integrity violations onto the ledger, beside the failsafe's transitions and as they never behind
-/// states: when it begins, when it is over, and between the two at most each gap_ns that there are more reasons. One
-/// call in flight, of all drones; made again behind a back-off with jitter, with what is true then: the newest wins, so
-/// that nothing queues. From a call that the contract refused on each drone goes by itself, and one that is refused by
-/// itself waits gap_ns: another's drone by now must not silence the rest. One thread; the same inputs and seed give the
-/// same calls.
+/// Sends agent's integrity violations to the ledger like the failsafe's transitions: in calls of their own, never
+/// queued behind states. A call goes out when the ledger becomes untrusted, when it is trusted again, and between the
+/// two, at most each gap_ns, when there are more reasons. One call in flight, of all drones; repeated after a back-off
+/// with jitter, with what is true then: the newest wins, so nothing queues. Once the contract has refused a call, each
+/// drone has a call of its own, and one that is refused by itself waits gap_ns: a drone that is another's by now must
+/// not silence the rest. One thread; the same inputs and seed give the same calls.
 class AlarmSender {
  public:
   /// Between two calls while one lasts: transactions of two organisations' endorsements, which report only a count.
@@ -100,18 +102,18 @@ class AlarmSender {
     std::uint64_t on_ledger = 0, repeated = 0, refused = 0;
   };
   struct Sending {
-    std::uint64_t number = 0;  ///< never that of a frame, of transitions, apply_stops or evictions
+    std::uint64_t number = 0;  ///< for finished()
     std::vector<const DroneName*> drones;
   };
 
-  AlarmSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+  AlarmSender(const BackOffLimits& back_off, const std::vector<DroneName>& drones, std::uint64_t seed);
 
   /// A call to make now, if any; it is then in flight.
   std::optional<Sending> next(TimeNs now, const IntegrityMonitor& integrity);
   /// How call `number` ended; false if it is none of ours.
   bool finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
-  bool in_flight() const { return call_ != 0; }
+  bool has_call_in_flight() const { return call_ != 0; }
   const Counters& counters() const { return counters_; }
 
  private:
@@ -121,7 +123,7 @@ class AlarmSender {
   };
   struct Slot {
     DroneName drone{};
-    ReportedAlarm said{};
+    ReportedAlarm reported{};
     TimeNs rest_until_ns = INT64_MIN;  ///< no call for its sake before, unless the ledger becomes trusted or untrusted
     bool refused = false;              ///< by itself: not even then
     bool sending = false;
@@ -135,10 +137,10 @@ class AlarmSender {
   ReportedAlarm sending_{};  ///< what the call in flight says
   std::uint64_t call_ = 0;   ///< in flight; 0: none
   bool alone_ = false;
-  std::uint64_t last_call_ = std::uint64_t{5} << 61;  // between transitions and apply_stops
+  std::uint64_t last_call_ = 0;
 };
 
-/// The call, with an asset `<drone>/alarm` for each drone. `real_offset_ns`: as for encode_frame.
+/// The call, with an asset `<drone>/alarm` for each drone. `real_offset_ns`: as for encode_batch.
 fabric::Call encode_alarm(const AlarmSender::Sending& sending, const IntegrityMonitor& integrity, TimeNs now,
                           TimeNs real_offset_ns);
 

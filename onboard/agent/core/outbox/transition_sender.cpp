@@ -7,10 +7,10 @@
 
 namespace ledgerline::agent {
 
-TransitionSender::TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
+TransitionSender::TransitionSender(const BackOffLimits& back_off, const std::vector<DroneName>& drones,
+                                   std::uint64_t seed)
     : random_(seed) {
-  for (const DroneName& drone : drones)
-    slots_.push_back(Slot{.drone = drone, .pause{config.first_back_off_ns, config.max_back_off_ns}});
+  for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone, .pause = BackOff(back_off)});
 }
 
 void TransitionSender::add(const Transition& transition) {

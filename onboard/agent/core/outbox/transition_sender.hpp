@@ -5,13 +5,14 @@
 #include <vector>
 
 #include "common/fabric/calls/outcome.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry.hpp"
-#include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/drone_name.hpp"
 
 namespace ledgerline::agent {
 
-/// Brings the transitions of each drone's failsafe onto the ledger: in order, none left out, never in a frame of states
+/// Brings the transitions of each drone's failsafe onto the ledger: in order, none left out, never in a batch of states
 /// nor behind one. A call takes all that wait, of all drones, since each costs endorsements of two organisations and
 /// sixteen drones take off at once; what comes while max_calls are in flight waits for the first that ends. A drone has
 /// one call in flight; it is made again, behind a back-off with jitter, until it is committed. From a call that the
@@ -28,8 +29,8 @@ class TransitionSender {
  public:
   static constexpr std::size_t max_kept = 256;  ///< of a drone
   static constexpr std::size_t max_per_call = 64;
-  /// Of many drones. With one a drone whose peers are slow would hold up the rest for its whole deadline; more are no
-  /// sooner on the ledger.
+  /// In flight at once, of calls for many drones. With one, a slow peer would block all drones for a call's whole
+  /// deadline; more than two gain nothing.
   static constexpr std::size_t max_calls = 2;
 
   struct Counters {
@@ -38,7 +39,7 @@ class TransitionSender {
     std::uint64_t lost = 0;  ///< by link, as it says
   };
   struct Sending {
-    std::uint64_t number = 0;  ///< never that of a frame
+    std::uint64_t number = 0;  ///< for finished()
     struct Part {
       const DroneName* drone = nullptr;
       std::vector<Transition> transitions;
@@ -46,7 +47,7 @@ class TransitionSender {
     std::vector<Part> parts;
   };
 
-  TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+  TransitionSender(const BackOffLimits& back_off, const std::vector<DroneName>& drones, std::uint64_t seed);
 
   /// One that is not the next of its drone is ignored: it came before, or link will send what is between.
   void add(const Transition& transition);
@@ -80,10 +81,10 @@ class TransitionSender {
   std::vector<Slot> slots_;
   Random random_;
   std::uint64_t boot_id_ = 0;
-  std::uint64_t last_call_ = std::uint64_t{1} << 63;  // frames count from 1
+  std::uint64_t last_call_ = 0;
 };
 
-/// The call, with an asset `<drone>/failsafe` for each drone. `real_offset_ns`: as for encode_frame.
+/// The call, with an asset `<drone>/failsafe` for each drone. `real_offset_ns`: as for encode_batch.
 fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns);
 
 }  // namespace ledgerline::agent

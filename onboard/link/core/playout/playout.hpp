@@ -2,18 +2,16 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "common/base/enum_count.hpp"
-#include "onboard/link/core/fixed_vector.hpp"
+#include "common/rt/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 
-constexpr const char* name(DropReason reason) noexcept {
-  return name_of(reason,
-                 std::array{"none", "too_old", "out_of_order", "superseded", "bad_value", "not_flying", "queue_full"});
-}
+constexpr std::string_view name(DropReason reason) noexcept { return enum_name(reason); }
 
 /// What became of the plans. Once nothing is pending: received = applied + late + dropped.
 struct PlanCounters {

@@ -65,7 +65,7 @@ class SetpointPath {
   void set_clearance(const std::optional<Clearance>& clearance) noexcept { clearance_ = clearance; }
   const std::optional<Clearance>& clearance() const noexcept { return clearance_; }
   /// Another wants it out of the way.
-  bool should_step_aside() const noexcept { return clearance_ && clearance_->kind == Clearance::Kind::part; }
+  bool should_step_aside() const noexcept { return clearance_ && clearance_->kind == Clearance::Kind::give_way; }
 
   void on_phase(TimeNs now, FlightPhase phase) noexcept;
   /// In every step that flies. True when it was sent something; then the caller may mark_applied().

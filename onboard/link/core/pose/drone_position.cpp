@@ -58,6 +58,7 @@ DronePosition::DronePosition(const DroneSettings& drone, const std::vector<PadSe
       pose_lost_ns_(pose_lost_ns),
       velocity_known_(drone.velocity_known),
       odometry_(odometry_settings_of(drone)),
+      source_check_(pose_lost_ns),
       failover_(drone.odometry_after_ns, drone.odometry.correction_mps),
       pads_(drone.source == PoseSource::pads ? pads : std::vector<PadSettings>{}) {}
 
@@ -73,8 +74,8 @@ void DronePosition::on_state(TimeNs now, const TelloState& state, FlightPhase ph
   }
   if (uses_mocap(source_)) check_sources(now, state, phase == FlightPhase::flying);
   // Who stands while motion capture is missing may be carried away unnoticed.
-  const bool stands_in = source_ == PoseSource::mocap_then_tello && failover_.is_missing(now) && in_flight(phase);
-  if (!uses_mocap(source_) || stands_in) accept(now, odometry_.pose(), in_flight(phase));
+  const bool stands_in = source_ == PoseSource::mocap_then_tello && failover_.is_missing(now) && is_in_flight(phase);
+  if (!uses_mocap(source_) || stands_in) accept(now, odometry_.pose(), is_in_flight(phase));
 }
 
 void DronePosition::watch_flow(TimeNs now, const TelloState& state, bool flying, const Velocity& sent) noexcept {
@@ -105,7 +106,8 @@ TimeNs DronePosition::alone_since_ns(TimeNs now) const noexcept {
 }
 
 TimeNs DronePosition::dark_since_ns(TimeNs now) const noexcept {
-  // In the dark nothing on board stops it: where motion capture shows that ground cannot either, it is as good as none.
+  // A blind drone cannot brake by itself. If motion capture shows that it also outruns its commands, ground cannot stop
+  // it either: as if motion capture were missing.
   const TimeNs alone_ns = alone_since_ns(now), outruns_ns = motion_watch_.outruns_since_ns();
   const TimeNs unheld_ns = alone_ns == 0 || outruns_ns == 0 ? alone_ns + outruns_ns : std::min(alone_ns, outruns_ns);
   return flow_watch_.is_blind() && unheld_ns != 0 ? std::max(flow_watch_.since_ns(), unheld_ns) : 0;

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/msg/onboard.hpp"
-#include "onboard/link/core/drone_watches.hpp"
+#include "onboard/link/core/pose/motion_watch.hpp"
 #include "onboard/link/core/pose/odometry.hpp"
 #include "onboard/link/core/pose/source_check.hpp"
 #include "onboard/link/core/settings.hpp"

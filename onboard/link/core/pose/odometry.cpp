@@ -28,9 +28,9 @@ constexpr double new_floor_m = 0.15, new_floor_sigmas = 4;
 constexpr double tof_sigma_m = 0.015, barometer_sigma_m = 0.2, drift_m_per_sqrt_s = 0.03;
 // One text in ten seconds may be that late. What is flown unmeasured for longer is not known any more.
 constexpr double max_gap_s = 1.0;
-// A fix is accepted within so many standard deviations: beyond is one in 16,000. One that is repeated is accepted all
-// the same: the third is within a second. A heading that turns in flight is five seconds' worth of fixes:
-// a pad that lies askew or another body is not seen for as long, and a gyroscope does not drift by that.
+// Fixes within 4 sigma pass: beyond is one in 16,000. Outliers in a row that agree are accepted, too: three for the
+// place, within a second; fifty for the heading, five seconds' worth, since a pad that lies askew or another body is
+// not seen for as long, and a gyroscope does not drift by that.
 constexpr double fix_sigmas = 4;
 constexpr int places_that_agree = 3, headings_that_agree = 50;
 // Two fixes of one place, a text apart: what a drone moves by meanwhile beyond what it reports.

@@ -80,7 +80,7 @@ class Odometry {
   bool heading_fits(const Fix& fix) noexcept;
   /// What it moved in the map since the newest fix, which the lag of its velocities makes late.
   Eigen::Vector2d speed_change() const noexcept;
-  /// In x and y, as late as it is not any more.
+  /// Position in x and y, corrected for the velocity lag.
   Eigen::Vector2d place() const noexcept;
   /// How far a fix is beside the place in x and y, and the variance of that.
   Eigen::Vector2d beside(const Fix& fix) const noexcept;

@@ -9,7 +9,6 @@ namespace {
 
 constexpr double max_text_gap_s = 1.0;      // as the odometry has it: what is flown unmeasured for longer is not known
 constexpr double max_extrapolated_s = 0.2;  // two texts
-constexpr TimeNs max_pose_age_ns = 300 * ns_per_ms;  // as pose_lost_ns
 // A drone that is pushed flies 3 m/s before its own velocity says so, for a text at most; below 0.3 m it may be noise.
 constexpr double jump_m = 0.3, pushed_mps = 3, pushed_s = 0.1;
 constexpr double kick_mps = 1.5;           // from one text to the next: at 4 m/s2 0.4 m/s, and three times that
@@ -74,7 +73,7 @@ bool PoseGate::accepts(const Pose& pose, const OwnPath& own, double scale_sigma,
                            unmeasured_mps * (own.unmeasured_s - own_.unmeasured_s);
     const Eigen::Vector2d by_own = own.position_at(pose.stamp_ns) - own_.position_at(last_.stamp_ns);
     const Eigen::Vector2d moved = in_plane(pose) - in_plane(last_);
-    // Poses that follow each other closely need no other sense: one of those may say nonsense.
+    // Small jumps between close poses are accepted without odometry, which may itself be wrong.
     const double near = jump_m + pushed_mps * std::clamp(seconds, 0.0, pushed_s);
     if (moved.norm() > near && (moved - by_own).norm() > allowed) return false;
     const double rise = pose.position_m[2] - last_.position_m[2], own_rise = own.height_m - own_.height_m;
@@ -154,7 +153,7 @@ void SourceCheck::on_state(TimeNs now, const OwnMotion& own, const Pose& pose, b
   const bool usable = own.usable && texts_repeated_ < max_texts_repeated;
   texts_unusable_ = usable ? 0 : texts_unusable_ + 1;
   const TimeNs age_ns = now - pose.stamp_ns;
-  if (pose.stamp_ns == 0 || age_ns > max_pose_age_ns || texts_unusable_ >= max_texts_unusable) {
+  if (pose.stamp_ns == 0 || age_ns > pose_lost_ns_ || texts_unusable_ >= max_texts_unusable) {
     forget();  // nothing to compare; what differed goes on to do so
   } else if (usable) {
     const Eigen::Vector2d velocity(pose.velocity_mps[0], pose.velocity_mps[1]);

@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "common/msg/onboard.hpp"
-#include "onboard/link/core/fixed_vector.hpp"
+#include "common/rt/fixed_vector.hpp"
 
 namespace ledgerline::link {
 
@@ -23,8 +23,9 @@ struct OwnMotion {
 /// How far a drone has moved by its own velocity since it was first heard. Plain data.
 struct OwnPath {
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero(), velocity_mps = Eigen::Vector2d::Zero();
-  Eigen::Vector2d unlikely_mps = Eigen::Vector2d::Zero();  ///< what texts say that nobody flies, and how many did
-  int unlikely = 0;
+  /// The newest usable velocity as reported, plausible or not.
+  Eigen::Vector2d unlikely_mps = Eigen::Vector2d::Zero();
+  int unlikely = 0;                                    ///< implausible texts in a row that agree; 0: plausible
   Eigen::Vector2d pushed_m = Eigen::Vector2d::Zero();  ///< how far it flew if they are right
   double length_m = 0, unmeasured_s = 0;               ///< without a usable velocity
   double height_m = 0, heading_rad = 0;
@@ -35,9 +36,10 @@ struct OwnPath {
   Eigen::Vector2d position_at(TimeNs now) const noexcept;
 };
 
-/// Whether a pose is one that the drone can have flown and turned to from the last one that was: by its own velocity,
-/// height and heading since, and what those may have missed. What is not is another body, or a frame that jumped: no
-/// pose. It is taken again where it fits; on the ground each fits, since a drone may be carried.
+/// Whether the drone can have flown and turned to a pose from the last accepted one: by its own velocity, height and
+/// heading since, and what those may have missed. A pose that fails is dropped: it belongs to another body, or the
+/// frame jumped. Later poses are accepted once they fit again. On the ground every pose passes, since a drone may be
+/// carried.
 ///
 /// Core: no I/O, no clock, no allocation; one thread.
 class PoseGate {
@@ -73,6 +75,9 @@ class SourceCheck {
   /// A glitch has left the window by then. Half lands for one; double hovers 2 s longer on nothing.
   static constexpr TimeNs unresolved_after_ns = 2 * ns_per_s;
 
+  /// A pose older than that is not compared.
+  explicit SourceCheck(TimeNs pose_lost_ns) : pose_lost_ns_(pose_lost_ns) {}
+
   /// A state text came at `now`. `pose`: the newest that its gate accepted.
   void on_state(TimeNs now, const OwnMotion& own, const Pose& pose, bool flying) noexcept;
   /// A pose of motion capture came: whether it is one (PoseGate).
@@ -93,6 +98,7 @@ class SourceCheck {
   void decide(TimeNs now, double share, const OwnMotion& own, const Pose& pose) noexcept;
   void forget() noexcept;
 
+  TimeNs pose_lost_ns_;
   OwnPath path_;
   PoseGate gate_;
   double scale_sigma_ = 0;

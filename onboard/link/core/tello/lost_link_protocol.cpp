@@ -47,38 +47,38 @@ bool LostLinkProtocol::has_sent_for(TimeNs now, TimeNs duration) const noexcept 
   return stage_ == Stage::silent || (stage_ == Stage::lands && now - stage_since_ns_ >= duration);
 }
 
-LostLinkProtocol::Due LostLinkProtocol::due_seeking(TimeNs now, bool may_fly) noexcept {
+LostLinkProtocol::Due LostLinkProtocol::due_seeking(TimeNs now, bool may_be_airborne) noexcept {
   Due due;
   const bool first = sent_ns_ == 0;
-  if (first || (now - sent_ns_ >= timeout_ns_ && !(may_fly && handshakes_ >= settings_.handshakes))) {
+  if (first || (now - sent_ns_ >= timeout_ns_ && !(may_be_airborne && handshakes_ >= settings_.handshakes))) {
     timeout_ns_ = first ? settings_.answer_timeout_ns : std::min(2 * timeout_ns_, settings_.answer_timeout_max_ns);
     handshakes_ = std::min(handshakes_ + 1, settings_.handshakes);
     sent_ns_ = now;
     due.handshake = true;
   }
   // Without the zero it would fly on with the last command of a link that is gone.
-  due.zero = due.handshake || (may_fly && !handshakes_failed(now) && now - zero_ns_ >= settings_.zero_gap_ns);
+  due.zero = due.handshake || (may_be_airborne && !handshakes_failed(now) && now - zero_ns_ >= settings_.zero_gap_ns);
   if (due.zero) zero_ns_ = now;
   return due;
 }
 
-LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_fly) noexcept {
-  if (stage_ != Stage::seeks && !may_fly) seek();  // seen on the ground, though no answer comes
+LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_be_airborne) noexcept {
+  if (stage_ != Stage::seeks && !may_be_airborne) seek();  // seen on the ground, though no answer comes
   if (stage_ == Stage::lands && now - stage_since_ns_ >= settings_.blind_land_for_ns) enter(now, Stage::silent);
   if (stage_ == Stage::silent && now - stage_since_ns_ >= settings_.silence_ns) {
     begin_round();
     enter(now, Stage::lands);
   }
-  if (stage_ == Stage::seeks) return due_seeking(now, may_fly);
+  if (stage_ == Stage::seeks) return due_seeking(now, may_be_airborne);
   if (stage_ == Stage::silent || (sent_ns_ != 0 && now - sent_ns_ < settings_.blind_repeat_ns)) return {};
   sent_ns_ = now;
   return {true, true, true};
 }
 
 // At once: the first datagram after `command` is the zero.
-bool LostLinkProtocol::next_send(TimeNs now, bool may_fly, CommandText& out) noexcept {
+bool LostLinkProtocol::next_send(TimeNs now, bool may_be_airborne, CommandText& out) noexcept {
   if (commands_.empty()) {
-    const Due what = due(now, may_fly);
+    const Due what = due(now, may_be_airborne);
     if (what.handshake) commands_.push(command_text("command"));
     if (what.zero) commands_.push(rc_text({}));
     if (what.landing) commands_.push(command_text(command_ == Command::emergency ? "emergency" : "land"));

@@ -1,15 +1,15 @@
 #pragma once
 #include <cstdint>
 
-#include "onboard/link/core/fixed_vector.hpp"
+#include "common/rt/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 
 /// What link sends to a drone that it gets no state of, and when. It may fly all the same: on the last rc of a link
-/// that died, or with only its voice lost. So it begins with a zero, never waits for an answer, and never goes on for
-/// so long that it keeps a flying Tello from landing by itself (15 s without a command):
+/// that died, or only what the drone sends is lost. So link begins with a zero, never waits for an answer, and never
+/// goes on for so long that it keeps a flying Tello from landing by itself (15 s without a command):
 ///
 // clang-format off
 ///            all handshakes failed, stop, LAND, cut            blind_land_for
@@ -33,13 +33,13 @@ class LostLinkProtocol {
   void begin_silence(TimeNs now, Command command) noexcept;
   /// Sends the command from now on, unless it is, or was and the silence goes on. `emergency` outranks `land`.
   void land(TimeNs now, Command command) noexcept;
-  /// A request while the command is sent, or was: it is sent from the beginning. For the local key always, for the
-  /// contract once in each round, for the holder once and only in the silence, if he did not ask before it.
+  /// Restarts sending. The local key: always. The contract: once a round. The holder: once a round, and only in the
+  /// silence, unless he asked earlier. Contract and holder: not before the command was first sent.
   void land_again(TimeNs now, Requester by) noexcept;
 
   /// What is to be sent now, one at a time and in its order; called until it returns false, at every step while the
-  /// drone is not seen. `may_fly`: it is not known to stand on the ground.
-  bool next_send(TimeNs now, bool may_fly, CommandText& out) noexcept;
+  /// drone is not seen. `may_be_airborne`: it is not known to stand on the ground.
+  bool next_send(TimeNs now, bool may_be_airborne, CommandText& out) noexcept;
   /// It is seen: what is still to be sent is not.
   void drop_commands() noexcept { commands_.clear(); }
 
@@ -60,9 +60,9 @@ class LostLinkProtocol {
   };
 
   void enter(TimeNs now, Stage stage) noexcept;
-  Due due(TimeNs now, bool may_fly) noexcept;
+  Due due(TimeNs now, bool may_be_airborne) noexcept;
   void begin_round() noexcept { for_holder_ = for_contract_ = true; }
-  Due due_seeking(TimeNs now, bool may_fly) noexcept;
+  Due due_seeking(TimeNs now, bool may_be_airborne) noexcept;
 
   SessionSettings settings_;
   Stage stage_ = Stage::seeks;

@@ -22,7 +22,7 @@ bool is_serial(std::string_view text) noexcept;
 ///
 ///   open ── the serial ──▶ same: it may take off
 ///    │  └── another ─────▶ other: it may not, until it reconnects
-///    └── refused thrice ─▶ untold: its firmware knows no `sn?`, so nothing can be checked, and it may
+///    └── refused thrice ─▶ unreported: its firmware knows no `sn?`, so nothing can be checked, and it may
 ///
 /// Answers carry no id and any may be late, so one refusal is not taken for the answer to `sn?`, and a drone that
 /// answers nothing is asked without end. Core: no I/O, no allocation; one thread.

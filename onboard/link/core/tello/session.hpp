@@ -2,62 +2,13 @@
 #include <cstdint>
 #include <string_view>
 
-#include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/lost_link_protocol.hpp"
+#include "onboard/link/core/tello/reported_state.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
-
-/// What a drone said, and when; 0: never.
-struct DroneText {
-  TimeNs at_ns = 0;
-  Quote text;
-};
-
-/// What a drone's state texts report of it, and whether that is of now. A text of another moment or of another drone is
-/// refused, by `time`, which grows as time does while the motors run. Core: no I/O, no allocation; one thread.
-class ReportedState {
- public:
-  explicit ReportedState(const SessionSettings& settings) noexcept
-      : airborne_m_(settings.airborne_m), grounded_m_(settings.grounded_m) {}
-
-  /// False where it is no state text, or is refused. `connected`: else any `time` may come.
-  bool on_text(TimeNs now, std::string_view bytes, bool connected) noexcept;
-  /// The host was suspended for so long while its clock stood still.
-  void grow_older(TimeNs slept_ns) noexcept;
-
-  /// Its battery is as low as battery_says_so of the newest battery_texts texts say, or the first one alone.
-  const TelloState& newest() const noexcept { return newest_; }
-  /// When the newest text came; 0: none yet.
-  TimeNs at_ns() const noexcept { return at_ns_; }
-  /// Young enough to decide about take-off and landing, and what it shows then.
-  bool is_fresh(TimeNs now) const noexcept;
-  bool is_airborne(TimeNs now) const noexcept;
-  bool is_grounded(TimeNs now) const noexcept;
-  /// Datagrams that were no state text.
-  std::uint32_t unreadable() const noexcept { return unreadable_; }
-  /// One of them, when that is all that comes: the newest a minute.
-  const DroneText& unreadable_text() const noexcept { return unreadable_text_; }
-
- private:
-  void on_unreadable(TimeNs now, std::string_view bytes) noexcept;
-  void update_battery(float reported) noexcept;
-  bool is_of_now(TimeNs now, const TelloState& reported, bool connected) noexcept;
-
-  float airborne_m_, grounded_m_;
-  TelloState newest_;
-  FixedVector<float, SessionSettings::battery_texts> batteries_;  ///< as reported, oldest first
-  TimeNs at_ns_ = 0;
-  int motor_s_ = 0;              ///< `time` of the newest text ...
-  double motor_lead_s_ = -1e18;  ///< ... and by how much one was ahead of the clock at most
-  int refused_texts_ = 0;        ///< in a row that are not of now
-  double refused_lead_s_ = 0;    ///< of the first of them
-  std::uint32_t unreadable_ = 0;
-  int unreadable_in_a_row_ = 0;
-  DroneText unreadable_text_;
-};
 
 /// The one command to a connected drone that waits for its answer, or is repeated until the drone is down. One thread.
 class PendingCommand {
@@ -102,7 +53,7 @@ class PadRequest {
   }
 
  private:
-  /// A firmware that knows no pads goes on saying that it does not look for them.
+  /// With firmware that knows no pads TelloState::pad stays -2, as if it did not look.
   static constexpr int max_requests = 5;
 
   int left_;
@@ -152,20 +103,20 @@ class TelloSession {
   bool next_send(TimeNs now, CommandText& out) noexcept;
 
   FlightPhase phase() const noexcept { return phase_; }
-  /// Nobody knows: it is not connected, and what was seen last was not that it stands on the ground. From link's start.
+  /// It is not connected, and was not seen standing on the ground last. So it is from link's start.
   bool may_be_airborne() const noexcept { return phase_ == FlightPhase::disconnected && !stands_; }
   /// It is in the air, or nobody knows that it is not.
-  bool may_fly() const noexcept { return in_flight(phase_) || may_be_airborne(); }
-  /// All handshakes with such a one failed, or it is already commanded to land.
-  bool is_blind(TimeNs now) const noexcept {
+  bool is_possibly_in_flight() const noexcept { return is_in_flight(phase_) || may_be_airborne(); }
+  /// It may be airborne, and all handshakes failed, or it is already commanded to land.
+  bool has_lost_contact(TimeNs now) const noexcept {
     return may_be_airborne() && (lost_link_.handshakes_failed(now) || lost_link_.lands());
   }
-  /// Such a one was commanded to land long enough for link to end: to the end, or briefly where nobody was ever heard.
+  /// It may be airborne, and `land` was sent long enough for link to exit; a shorter time if the drone never answered.
   bool commanded_to_land(TimeNs now) const noexcept;
   /// Anything that can be read came from it.
   bool has_responded() const noexcept { return heard_; }
   /// It is not in flight, and the newest text shows it on the ground.
-  bool is_standing(TimeNs now) const noexcept { return !in_flight(phase_) && reported_.is_grounded(now); }
+  bool is_standing(TimeNs now) const noexcept { return !is_in_flight(phase_) && reported_.is_grounded(now); }
   TimeNs phase_since_ns() const noexcept { return phase_since_ns_; }
   const TelloState& state() const noexcept { return reported_.newest(); }
   const SerialCheck& serial() const noexcept { return serial_; }

@@ -18,8 +18,8 @@ struct TelloState {
   /// Roll (right), pitch (up) and yaw (clockwise, since power on); positive as in the brackets.
   std::array<float, 3> attitude_deg{};
   std::array<float, 3> acceleration_mg{};  ///< forward, right, down, with gravity: about 0, 0, -1000 at rest
-  std::array<float, 3>
-      velocity_dmps{};        ///< vgx, vgy, vgz as they are reported: in which frame is for the reader to know
+  /// vgx, vgy, vgz as they are reported: in which frame is for the reader to know.
+  std::array<float, 3> velocity_dmps{};
   bool has_velocity = false;  ///< all three are in the newest packet
   float barometer_m = 0;      ///< from an arbitrary zero
   bool has_barometer = false;

@@ -1,9 +1,15 @@
 #include "onboard/link/shell/transport/link_ends.hpp"
 
+#include "common/rt/retry.hpp"
 #include "onboard/link/shell/transport/shim_end.hpp"
 #include "onboard/link/shell/transport/tello_sockets.hpp"
 
 namespace ledgerline::link {
+namespace {
+
+constexpr TryLimits until_roudi{.within_ns = 1'500 * ns_per_ms};
+
+}  // namespace
 
 Result<LinkEnds> LinkEnds::open_drones(const ShellSettings& settings) {
   LinkEnds ends;
@@ -21,12 +27,15 @@ Result<LinkEnds> LinkEnds::open_drones(const ShellSettings& settings) {
   return ends;
 }
 
-Status LinkEnds::connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end) {
+Status LinkEnds::connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end,
+                               bool waits) {
   if (settings.lockstep) {
     agent = std::make_unique<LockstepAgent>(shim->memory());
     return done;
   }
-  if (auto status = ipc::connect("ledgerline-link", is_asked_to_end); !status) return status.error();
+  const auto connect = [&] { return ipc::connect("ledgerline-link", is_asked_to_end); };
+  const Status connected = waits ? retry("RouDi answers", until_roudi, is_asked_to_end, connect) : connect();
+  if (!connected) return connected;
   auto end = ipc::LinkEnd::create();
   if (!end) return end.error();
   agent = std::move(*end);

@@ -87,8 +87,8 @@ struct LinkEnds {
 
   /// The drones' alone. Over UDP each of them is sent `command` and zero sticks at once.
   static Result<LinkEnds> open_drones(const ShellSettings& settings);
-  /// An error, too, when `is_asked_to_end` says so while RouDi does not answer.
-  Status connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end);
+  /// `waits`: for RouDi, which may be about to start. An error, too, when `is_asked_to_end` says so meanwhile.
+  Status connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end, bool waits);
   /// To be made by the loop's thread: its first turn is a period later.
   std::unique_ptr<LoopClock> clock(const ShellSettings& settings) const;
 };

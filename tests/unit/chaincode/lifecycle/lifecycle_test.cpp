@@ -59,7 +59,7 @@ TEST(PeerCommands, SayWhatTheProgramWouldDo) {
   const PeerCommands commands{client, "msp"};
   EXPECT_THAT(commands.environment(), HasSubstr("export CORE_PEER_TLS_ROOTCERT_FILE='it'\\''s.pem'\n"));
   EXPECT_THAT(commands.environment(), HasSubstr("export CORE_PEER_TLS_CLIENTKEY_FILE='own.key'\n"));
-  EXPECT_EQ(commands.approve({"2", 1}, "ledgerline_1:00"),
+  EXPECT_EQ(commands.approve({"2", 1}, "ledgerline_1:00", ""),
             "peer lifecycle chaincode approveformyorg -o 'orderer.example.com:7050' --tls --cafile 'orderer.pem' "
             "--ordererTLSHostnameOverride 'other.name' --clientauth --certfile 'own.crt' --keyfile 'own.key' "
             "--channelID 'mychannel' --name 'drones' --version '2' --sequence 1 --package-id 'ledgerline_1:00'\n");

@@ -21,6 +21,9 @@ static_assert(is_enumerator<Plain::third>());
 static_assert(!is_enumerator<static_cast<Plain>(3)>());
 static_assert(!is_enumerator<static_cast<Plain>(-1)>());
 
+static_assert(enum_name(Plain::third) == "third");
+static_assert(enum_name(static_cast<Plain>(3)) == "unknown");
+
 TEST(EnumCount, ATableWithoutAnEntryForEachValueIsSeen) {
   constexpr const char* names[] = {"first", "second"};
   EXPECT_NE(std::size(names), enum_count<Plain>);

@@ -1,4 +1,5 @@
 #include "common/base/text.hpp"
+#include "common/base/utc.hpp"
 
 #include <gtest/gtest.h>
 
@@ -35,6 +36,21 @@ TEST(Utf8, IsWhatConfigsCanHold) {
   EXPECT_TRUE(is_utf8("caf\xc3\xa9 \"\\\n"));
   EXPECT_FALSE(is_utf8("caf\xe9"));
   EXPECT_FALSE(is_utf8("caf\xc3"));
+}
+
+TEST(ATime, IsOfTheClockOrInSeconds) {
+  EXPECT_EQ(*parse_time_s("2023-11-14T22:13:20Z"), 1'700'000'000);
+  EXPECT_EQ(*parse_time_s("1700000000"), 1'700'000'000);
+  for (const char* wrong : {"", "yesterday", "-5", "2023-11-14", "2023-11-14T22:13:20", "99999999999999999999"})
+    EXPECT_FALSE(parse_time_s(wrong)) << wrong;
+}
+
+TEST(ATime, MayHaveAFraction) {
+  EXPECT_EQ(*parse_time_ns("2023-11-14T22:13:20Z"), 1'700'000'000'000'000'000);
+  EXPECT_EQ(*parse_time_ns("2023-11-14T22:13:20.25Z"), 1'700'000'000'250'000'000);
+  EXPECT_EQ(*parse_time_ns("1700000000.000000001"), 1'700'000'000'000'000'001);
+  for (const char* wrong : {"", ".5", "1.", "1.5s", "-1.5", "1.0000000001", "2023-11-14.5T22:13:20Z"})
+    EXPECT_FALSE(parse_time_ns(wrong)) << wrong;
 }
 
 }  // namespace

@@ -137,6 +137,12 @@ TEST_F(DownlinkTest, NobodySpeaksForAnotherWriter) {
 TEST_F(DownlinkTest, AnIdOfAnOrganisationByAnotherIsNotPublished) {
   EXPECT_THAT(take({set({asset("Org1MSP/a", 1), asset("Org3MSP/a", 1)})}), IsEmpty());
   EXPECT_EQ(refused(Refusal::wrong_writer), 2U);
+  const auto bad = downlink->pop_refused();
+  ASSERT_TRUE(bad);
+  EXPECT_EQ(bad->id, "Org3MSP/a");
+  EXPECT_EQ(bad->why, Refusal::wrong_writer);
+  take({set({asset("Org2MSP/a", 1)}), set({asset("Org2MSP/a", 1)})});
+  EXPECT_FALSE(downlink->pop_refused()) << "what a frame repeats is not bad";
 }
 
 TEST_F(DownlinkTest, WithoutAGoodSignatureOfAMemberNothingIsPublished) {

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "tests/unit/common/bridge/world.hpp"
@@ -117,12 +118,28 @@ TEST_F(UplinkTest, AQueueIsBoundedByBytesToo) {
   expect_sums();
 }
 
-TEST_F(UplinkTest, AMessageAboveTheContractsLimitIsDroppedAndCounted) {
+TEST_F(UplinkTest, AMessageAboveTheContractsLimitIsDroppedCountedAndReportedOnce) {
   make({rule("/a")});
   const auto a = open("/a");
-  add(a, std::string(1'000'000, 'x'));
-  EXPECT_FALSE(next());
-  EXPECT_EQ(drops(a, Drop::too_big), 1U);
+  for (std::uint64_t count = 1; count <= 2; ++count) {
+    add(a, std::string(1'000'000, 'x'));
+    EXPECT_FALSE(next());
+    EXPECT_EQ(drops(a, Drop::too_big), count);
+    EXPECT_EQ(uplink->pop_notices().size(), count == 1 ? 1U : 0U);
+  }
+  uplink->record_dds_losses(a, 0, 3);
+  EXPECT_THAT(uplink->pop_notices(), ElementsAre(HasSubstr("/a: a message is above 1,000,000 bytes")));
+  uplink->record_dds_losses(a, 0, 4);
+  EXPECT_THAT(uplink->pop_notices(), IsEmpty());
+}
+
+TEST_F(UplinkTest, TheStatusSaysWhyAWriterIsNotHeard) {
+  make({rule("/a")});
+  const auto a = open("/a");
+  uplink->set_unheard(a, "/a is written best effort");
+  EXPECT_EQ(report(*uplink)[0]["unheard"], "/a is written best effort");
+  uplink->set_unheard(a, "");
+  EXPECT_FALSE(report(*uplink)[0].contains("unheard"));
 }
 
 TEST_F(UplinkTest, RatesAreLimited) {

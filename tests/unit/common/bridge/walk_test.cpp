@@ -32,7 +32,7 @@ class Walk {
   /// How many messages came through.
   std::uint64_t run() {
     for (int turn = 0; turn < 400; ++turn) step(turn < 300);
-    while (uplink_->has_waiting() || uplink_->in_flight() > 0) step(false);
+    while (uplink_->has_waiting() || uplink_->calls_in_flight() > 0) step(false);
     for (const std::size_t topic : topics_) {
       const UplinkCounters& up = uplink_->topics()[topic].counters;
       const auto lost = std::accumulate(up.drops.begin(), up.drops.end(), std::uint64_t{0});

@@ -39,6 +39,12 @@ box = [-1, 2.5, 3.0]
   EXPECT_EQ(problems(config), "");
 }
 
+TEST(Config, AProblemIsReportedOnceHoweverOftenItIsFound) {
+  auto config = config_of("other = 1\n");
+  const std::string once = problems(config);
+  EXPECT_EQ(problems(config), once);
+}
+
 TEST(Config, TablesAreCountedAndIndexed) {
   auto config = config_of("[[drone]]\nname = \"tello1\"\n[[drone]]\nname = \"tello2\"\n");
   ASSERT_EQ(config.table_count("drone"), 2U);
@@ -85,9 +91,10 @@ TEST(Config, AKeyThatNobodyAskedForIsAnErrorWithItsLine) {
   (void)config.number("state.rate_hz", 30.0, 1, 200);
   (void)config.table_count("drone");
   (void)config.text("drone.0.name");
+  (void)config.text("drone.0.address", "");
   const std::string what = problems(config);
-  EXPECT_NE(what.find("link.toml:4: state.rate_hertz: unknown key"), std::string::npos) << what;
-  EXPECT_NE(what.find("link.toml:7: drone.0.adress: unknown key"), std::string::npos) << what;
+  EXPECT_TRUE(what.ends_with("link.toml:4: state.rate_hertz: unknown key")) << what;
+  EXPECT_NE(what.find("link.toml:7: drone.0.adress: unknown key: did you mean address?"), std::string::npos) << what;
   EXPECT_EQ(what.find("rate_hz:"), std::string::npos) << what;
 }
 
@@ -170,7 +177,7 @@ TEST(Config, FilesAreReadAndMissingOnesNamed) {
   std::filesystem::remove(path);
   auto gone = Config::load(path);
   ASSERT_FALSE(gone);
-  EXPECT_NE(gone.error().message.find(path), std::string::npos);
+  EXPECT_EQ(gone.error().message, path + ": No such file or directory");
 }
 
 TEST(Config, ADescribingOneListsWhatWasAskedForOnceInTheReadersOrder) {

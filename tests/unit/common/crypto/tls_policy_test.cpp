@@ -124,7 +124,7 @@ class TlsPolicy : public testing::Test {
                                                    .session_idle_ns = 60 * ns_per_s},
                                                   {"tello1"}, {},
                                                   {.take = [](const ground::PilotCommand&) { return Status(done); },
-                                                   .tell = [](ground::service::Level, const std::string&) {}});
+                                                   .report = [](ground::service::Level, const std::string&) {}});
     EXPECT_TRUE(station) << station.error().message;
     const std::uint16_t station_port = port_of((*station)->url().substr(0, (*station)->url().find('/', 8)));
     all.push_back({"station", "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", station_port,

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <filesystem>
@@ -17,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* type = "made_up_msgs/msg/Nested";
-constexpr std::uint32_t messages = 100;
+constexpr int messages = 20;
 
 /// The files of one participant, as options name them.
 Security files_in(const fs::path& folder) {
@@ -50,8 +51,9 @@ void make_members(const fs::path& folder, const std::vector<std::string>& names)
   }
 }
 
-/// The other side of the tests below: LEDGERLINE_TEST_FILES empty means no security. Says `messages` messages once it
-/// is heard and a number of others for as long as it is not; writes down how many it got when the file "stop" is there.
+/// The other side of the tests below: LEDGERLINE_TEST_FILES empty means no security. Writes until the file "stop" is
+/// there, since a reader may not have matched its writer yet when the writer has matched it; says when it got
+/// `messages` messages, and how many at its end.
 TEST(SecurityChild, DISABLED_SaysAndHears) {
   const fs::path folder = std::getenv("LEDGERLINE_TEST_FOLDER");
   const std::string who = std::getenv("LEDGERLINE_TEST_WHO"), files = std::getenv("LEDGERLINE_TEST_FILES");
@@ -65,11 +67,10 @@ TEST(SecurityChild, DISABLED_SaysAndHears) {
   auto w = RawWriter::create(*participant, "/from_" + who, type, {.depth = 1000});
   ASSERT_TRUE(r && w);
   ASSERT_TRUE(write_file(folder / (who + ".ready"), ""));
-  std::uint32_t said = 0;
   while (!fs::exists(folder / "stop")) {
-    if (w->readers() == 0 || said < messages) {
-      ASSERT_TRUE(w->publish(message_of(64, said)));
-      if (w->readers() > 0) ++said;
+    ASSERT_TRUE(w->publish(message_of(64, 1)));
+    if (got >= messages) {
+      ASSERT_TRUE(write_file(folder / (who + ".heard"), ""));
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
@@ -85,7 +86,6 @@ class SecurityOfDds : public testing::Test {
   ~SecurityOfDds() override { fs::remove_all(folder_); }
 
   struct Exchange {
-    bool matched = false;
     std::size_t heard = 0;  ///< by the parent
     int got = -1;           ///< by the child
   };
@@ -113,14 +113,16 @@ class SecurityOfDds : public testing::Test {
     if (!w) throw std::runtime_error(w.error().message);
     for (const auto& [who, files] : children)
       EXPECT_TRUE(eventually([&] { return fs::exists(folder_ / (who + ".ready")); })) << who;
-    const bool met = eventually([&] { return w->readers() == static_cast<int>(members.size()); });
-    for (std::uint32_t i = 0; i < messages; ++i) EXPECT_TRUE(w->publish(message_of(64, i)));
-    for (const std::string& who : members) EXPECT_TRUE(inboxes[who].wait_for(messages)) << who;
+    const auto have_met = [&](const std::string& who) {
+      return inboxes[who].items().size() >= messages && fs::exists(folder_ / (who + ".heard"));
+    };
+    EXPECT_TRUE(eventually([&] { return w->publish(message_of(64, 2)) && std::ranges::all_of(members, have_met); }));
+    EXPECT_EQ(w->readers(), static_cast<int>(members.size()));
     std::this_thread::sleep_for(std::chrono::milliseconds(500));  // what must not come gets its time to come
     EXPECT_TRUE(write_file(folder_ / "stop", ""));
     for (const auto& [who, files] : children) {
       EXPECT_TRUE(eventually([&] { return fs::exists(folder_ / (who + ".got")); })) << who;
-      result[who] = {met, inboxes[who].items().size(), std::stoi(read_file(folder_ / (who + ".got")).value())};
+      result[who] = {inboxes[who].items().size(), std::stoi(read_file(folder_ / (who + ".got")).value())};
     }
     readers.clear();
     return result;
@@ -135,9 +137,8 @@ TEST_F(SecurityOfDds, MembersHearEachOtherAndOutsidersNeitherReadNorSend) {
   const auto met = meet(
       folder_ / "org1/host1",
       {{"member", folder_ / "org1/host2"}, {"outsider", folder_ / "outsiders/host2"}, {"insecure", ""}}, {"member"});
-  EXPECT_TRUE(met.at("member").matched);
-  EXPECT_EQ(met.at("member").heard, messages);
-  EXPECT_EQ(met.at("member").got, static_cast<int>(messages));
+  EXPECT_GE(met.at("member").heard, std::size_t{messages});
+  EXPECT_GE(met.at("member").got, messages);
   for (const char* outsider : {"outsider", "insecure"}) {
     EXPECT_EQ(met.at(outsider).heard, 0u) << outsider;
     EXPECT_EQ(met.at(outsider).got, 0) << outsider;
@@ -147,8 +148,8 @@ TEST_F(SecurityOfDds, MembersHearEachOtherAndOutsidersNeitherReadNorSend) {
 /// So that the zeros above mean something.
 TEST_F(SecurityOfDds, WithoutItTheSameOutsiderIsHeardAndHears) {
   const auto met = meet("", {{"insecure", ""}}, {"insecure"});
-  EXPECT_GE(met.at("insecure").heard, messages);
-  EXPECT_EQ(met.at("insecure").got, static_cast<int>(messages));
+  EXPECT_GE(met.at("insecure").heard, std::size_t{messages});
+  EXPECT_GE(met.at("insecure").got, messages);
 }
 
 TEST_F(SecurityOfDds, PilotsWriteWhatPilotsSayMotionCaptureWritesPosesAndNobodyElseDoes) {
@@ -177,6 +178,23 @@ TEST_F(SecurityOfDds, PilotsWriteWhatPilotsSayMotionCaptureWritesPosesAndNobodyE
 
 TEST_F(SecurityOfDds, PosesComeByTopicsThatBeginWithASlash) {
   EXPECT_FALSE(make_security_documents(crypto::make_ca("ca.org1", "org1").value(), {.poses = "vrpn_mocap/*"}));
+}
+
+TEST_F(SecurityOfDds, ACertificateOfAnotherAuthorityOfTheSameNameIsNoMember) {
+  const auto ca = crypto::make_ca("ca.org1", "org1").value(), other = crypto::make_ca("ca.org1", "org1").value();
+  const auto issued_by = [](const crypto::KeyAndCertificate& authority) {
+    return crypto::issue(authority, {.common_name = "host1", .organization = "org1", .unit = "client", .sans = {}})
+        .value()
+        .certificate_pem;
+  };
+  EXPECT_TRUE(make_security_documents(ca, {.programs = {issued_by(ca)}}));
+  for (const SecurityMembers& members :
+       {SecurityMembers{.programs = {issued_by(ca), issued_by(other)}}, SecurityMembers{.pilots = {issued_by(other)}},
+        SecurityMembers{.trackers = {other.certificate_pem}}}) {
+    const auto documents = make_security_documents(ca, members);
+    ASSERT_FALSE(documents);
+    EXPECT_THAT(documents.error().message, testing::HasSubstr("of another authority"));
+  }
 }
 
 TEST_F(SecurityOfDds, AFileThatIsMissingOrAKeyThatOthersMayReadIsNamed) {

@@ -41,6 +41,12 @@ TEST(Ros, OdometryComesBack) {
   EXPECT_EQ(got.angular_radps, wanted.angular_radps);
 }
 
+TEST(Ros, TheAngularVelocityOfAStateIsMarkedAsNotMeasured) {
+  const Odometry got = odometry_from_cdr(to_cdr(odometry_of(StateSample{}, "tello1", 0))).value();
+  EXPECT_EQ(got.angular_radps, (std::array<double, 3>{}));
+  for (const float variance : got.angular_variance) EXPECT_GE(variance, 1e6F);
+}
+
 std::string hex(const std::string& bytes) {
   std::string out;
   for (const char c : bytes) {
@@ -245,7 +251,7 @@ Definition definition_of(const std::string& path) {
 template <typename Enum>
 void expect_constants(const Definition& definition, const std::string& prefix) {
   for (std::uint8_t i = 0; i < enum_count<Enum>; ++i) {
-    std::string constant = prefix + name(static_cast<Enum>(i));
+    std::string constant = prefix + std::string(name(static_cast<Enum>(i)));
     std::transform(constant.begin(), constant.end(), constant.begin(), ::toupper);
     ASSERT_TRUE(definition.constants.contains(constant)) << constant;
     EXPECT_EQ(definition.constants.at(constant), i) << constant;
@@ -293,7 +299,8 @@ TEST(Ros, LinkStatusHasTheFieldsOfItsDefinition) {
 /// A state's own part of what the ledger stores: see also the frame's, of agent.
 TEST(Ros, BytesOfAStateAreKnown) {
   const StateSample s = sample_status();
-  EXPECT_EQ(to_cdr(odometry_of(s, "tello1", real_offset_ns)).size(), 724U) << "of them 544 of covariances that are 0";
+  EXPECT_EQ(to_cdr(odometry_of(s, "tello1", real_offset_ns)).size(), 724U)
+      << "of them 576 of covariances, most of them 0";
   EXPECT_EQ(link_status_to_cdr(s, real_offset_ns).size(), 120U) << "224 before";
 }
 

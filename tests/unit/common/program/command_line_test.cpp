@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "common/base/nearest_word.hpp"
 #include "common/program/program.hpp"
 
 namespace ledgerline {
@@ -101,6 +102,12 @@ TEST_F(ACommandLine, WhatCannotBeIsRefusedByTheOptionsName) {
   EXPECT_THAT(refusal({"--time", "midnight"}), HasSubstr("not noon"));
   EXPECT_THAT(refusal({"--domains", "1"}), HasSubstr("--domains"));
   EXPECT_THAT(refusal({"--wings", "2"}), HasSubstr("--wings"));
+}
+
+TEST_F(ACommandLine, UnexpectedWordsAreListedAsTheyWereTyped) {
+  EXPECT_THAT(refusal({"--wings", "--wheels"}), HasSubstr("not expected: --wings --wheels\n"));
+  line.verb("take", "Takes");
+  EXPECT_THAT(refusal({"take", "one", "two"}), HasSubstr("not expected: one two\n"));
 }
 
 TEST_F(ACommandLine, HelpAndVersionAreNoErrors) {

@@ -20,5 +20,20 @@ TEST(BackOff, DoublesToItsMaximumWithJitterAndASuccessResetsIt) {
   EXPECT_LE(back_off.next(random), 10 * ns_per_ms);
 }
 
+TEST(RateLimiter, WhatIsWantedOftenIsDoneAtOnceAndThenAtMostOnceInItsGap) {
+  RateLimiter limiter(ns_per_s);
+  EXPECT_FALSE(limiter.start(1));
+  limiter.request();
+  EXPECT_TRUE(limiter.start(1));
+  int done = 0;
+  for (TimeNs now = 2; now < 10 * ns_per_s; now += ns_per_s / 100) {
+    limiter.request();
+    done += limiter.start(now);
+  }
+  EXPECT_EQ(done, 9);
+  EXPECT_TRUE(limiter.start(20 * ns_per_s)) << "the last one is not lost";
+  EXPECT_FALSE(limiter.start(30 * ns_per_s));
+}
+
 }  // namespace
 }  // namespace ledgerline

@@ -196,23 +196,23 @@ TEST_F(FlightByHand, WhatRidesAgainInAFrameIsNoNewsButTransitionsAlwaysAre) {
   battery->set_msg_data(to_cdr(BatteryState{{5, "tello2/base_link"}, 0, 0.5F}));
   add_state(call, "tello2", sample);
   const auto first = block(event("set", call.SerializeAsString()));
-  ASSERT_EQ(first.news.size(), 1U);
-  EXPECT_EQ(first.news[0].drone, 1U);
-  EXPECT_EQ(first.news[0].state->sequence, 5U);
-  EXPECT_EQ(first.news[0].odometry, call.assets(1).msg_data());
-  EXPECT_EQ(first.news[0].battery, call.assets(0).msg_data());
-  EXPECT_EQ(first.news[0].state->battery, 0.5F);
-  EXPECT_TRUE(block(event("set", call.SerializeAsString())).news.empty());
+  ASSERT_EQ(first.updates.size(), 1U);
+  EXPECT_EQ(first.updates[0].drone, 1U);
+  EXPECT_EQ(first.updates[0].state->sequence, 5U);
+  EXPECT_EQ(first.updates[0].odometry, call.assets(1).msg_data());
+  EXPECT_EQ(first.updates[0].battery, call.assets(0).msg_data());
+  EXPECT_EQ(first.updates[0].state->battery, 0.5F);
+  EXPECT_TRUE(block(event("set", call.SerializeAsString())).updates.empty());
 
   Asset* failsafe = call.add_assets();
   failsafe->set_id("tello2/failsafe");
   failsafe->set_msg_type(std::string(transitions_type));
   failsafe->set_msg_data("transitions");
   const auto again = block(event("set", call.SerializeAsString()));
-  ASSERT_EQ(again.news.size(), 1U);
-  EXPECT_EQ(again.news[0].transitions, "transitions");
-  EXPECT_TRUE(again.news[0].odometry.empty());
-  EXPECT_FALSE(again.news[0].state);
+  ASSERT_EQ(again.updates.size(), 1U);
+  EXPECT_EQ(again.updates[0].transitions, "transitions");
+  EXPECT_TRUE(again.updates[0].odometry.empty());
+  EXPECT_FALSE(again.updates[0].state);
 }
 
 TEST_F(FlightByHand, AnAlarmOfADronesAgentIsPublishedReportedAndCounted) {
@@ -225,8 +225,8 @@ TEST_F(FlightByHand, AnAlarmOfADronesAgentIsPublishedReportedAndCounted) {
     return block(event("set", call.SerializeAsString()));
   };
   const auto begins = reported(true);
-  ASSERT_EQ(begins.news.size(), 1U);
-  EXPECT_FALSE(begins.news[0].alarm.empty());
+  ASSERT_EQ(begins.updates.size(), 1U);
+  EXPECT_FALSE(begins.updates[0].alarm.empty());
   EXPECT_THAT(begins.notes,
               testing::ElementsAre("tello2: its agent does not trust the ledger: chain_broken (3 times): block 9 "
                                    "came where 8 was due"));
@@ -525,7 +525,7 @@ TEST(FlightWithAFaultyLedger, CountersAddUp) {
       EXPECT_EQ(world.drones[i].plans[k].sequence(), k + 1);
   }
   EXPECT_EQ(world.core.transactions().submitted, world.calls.size());
-  EXPECT_EQ(world.news, world.core.status(0).states_received + world.core.status(1).states_received);
+  EXPECT_EQ(world.updates, world.core.status(0).states_received + world.core.status(1).states_received);
 }
 
 TEST(FlightWithAFaultyLedger, PlansStayWithinTheContractsLimitsWhenItIsVerySlow) {

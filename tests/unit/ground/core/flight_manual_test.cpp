@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/msg/cdr.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground {
@@ -231,6 +232,71 @@ TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
   EXPECT_EQ(other.core.status(0).pilot.refused, 100U);
 }
 
+TEST(ManualFlight, TwoRefusalsWithinASecondAreBothSaid) {
+  FlightWorld world(manual_config(1));
+  world.run(1);
+  PilotCommand path;
+  path.order.emplace();
+  world.say(path);
+  world.say(path);
+  PilotCommand wrong;
+  wrong.bad_values = 1;
+  world.say(wrong);
+  EXPECT_THAT(world.notes, testing::ElementsAre(HasSubstr("no path"), HasSubstr("a velocity that no drone can fly")));
+}
+
+/// Level and message of a DiagnosticArray's first status.
+std::pair<int, std::string> status_in(const std::string& diagnosis) {
+  CdrReader in(diagnosis);
+  std::uint32_t seconds = 0, nanoseconds = 0, count = 0;
+  std::uint8_t level = 0;
+  std::string frame, name, message;
+  in(seconds, nanoseconds, frame, count, level, name, message);
+  return {level, message};
+}
+
+TEST(ManualFlight, Ros2IsToldOfAStoppedDroneThatStandsOnTheGround) {
+  FlightWorld world(manual_config(1));
+  world.run(1);
+  EXPECT_EQ(status_in(world.diagnoses.back()), std::pair(0, std::string("may take off")));
+  world.say({.drone = 0, .stop = true});
+  world.run(1);
+  EXPECT_EQ(status_in(world.diagnoses.back()), std::pair(2, std::string("stopped by Org2MSP CN=User1@org2")));
+  const auto before = world.diagnoses.size();
+  world.say(takeoff());
+  world.run(5);
+  ASSERT_EQ(world.diagnoses.size(), before + 1);
+  EXPECT_THAT(status_in(world.diagnoses.back()).second, HasSubstr("no take-off: it is stopped by"));
+}
+
+TEST(ManualFlight, Ros2HearsThatAStopIsCleared) {
+  Flying world(1);
+  world.say({.drone = 0, .stop = true});
+  world.run(10);
+  ASSERT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(status_in(world.diagnoses.back()), std::pair(2, std::string("stopped by Org2MSP CN=User1@org2")));
+  (void)world.core.set_control(control_record("tello1", operator_name).SerializeAsString());  // without a stop
+  world.run(1);
+  EXPECT_EQ(status_in(world.diagnoses.back()), std::pair(0, std::string("may take off")));
+}
+
+TEST(ManualFlight, Ros2IsToldOfARefusalForTenSecondsAndIsNotFlooded) {
+  FlightWorld world(manual_config(1));
+  world.run(1);
+  const auto before = world.diagnoses.size();
+  for (int i = 0; i < 100; ++i) world.say(velocity(0.5));
+  world.say(velocity(0));
+  world.run(1);
+  ASSERT_EQ(world.diagnoses.size(), before + 1);
+  EXPECT_THAT(status_in(world.diagnoses.back()),
+              testing::Pair(1, HasSubstr("a velocity of its pilot is not flown: its flight is in phase waiting")));
+  world.say(velocity(0.5));
+  world.run(1);
+  EXPECT_EQ(world.diagnoses.size(), before + 2) << "who tries again hears it again";
+  world.run(11);
+  EXPECT_EQ(status_in(world.diagnoses.back()), std::pair(0, std::string("may take off")));
+}
+
 TEST(ManualFlight, AFlightAroundAPathTakesNoTakeOffAndNoVelocityButLandsAndStops) {
   FlightWorld world(config_for(1));
   world.run(10);
@@ -318,6 +384,23 @@ TEST(ManualFlight, EndsWhenAskedToAndEveryDroneIsDown) {
   grounded.run(20, "asked to land", 1);
   EXPECT_TRUE(grounded.core.done());
   EXPECT_TRUE(grounded.core.ok()) << grounded.core.why();
+}
+
+TEST(ManualFlight, AStopThatLandsItNamesItsStopperAndIsAnEndAsGoodAsAnother) {
+  Flying world(2);
+  world.say({.drone = 0, .stop = true});
+  world.say({.drone = 1, .by = crypto::IdentityName{"Org2MSP", "CN=alice"}, .stop = true});
+  world.run(20, "asked to land", 5);
+  EXPECT_TRUE(world.core.done());
+  EXPECT_EQ(world.core.why(), "tello1: stopped by Org2MSP CN=User1@org2; tello2: stopped by Org2MSP CN=alice");
+  EXPECT_TRUE(world.core.ok());
+
+  FlightWorld along_its_path(config_for(1));
+  along_its_path.run(10);
+  along_its_path.say({.drone = 0, .stop = true});
+  along_its_path.run(10);
+  EXPECT_EQ(along_its_path.core.status(0).phase, DronePhase::landed);
+  EXPECT_FALSE(along_its_path.core.ok()) << "it did not fly its path to the end";
 }
 
 TEST(ManualFlight, EndsAfterItsTimeWhereOneIsGiven) {

@@ -291,7 +291,7 @@ TEST(PilotOrder, AnOldPoseIsNoPlaceToBeginAt) {
 TEST(PilotOrder, APoseAgesWhileNoStateComes) {
   InAir world;
   world.drones[0].silent = true;
-  world.run(1);
+  world.run(0.9);
   world.say(path({at(1, 1)}));
   EXPECT_THAT(last_note(world), HasSubstr("no path: its pose is lost"));
   EXPECT_EQ(world.phase(), DronePhase::manual);
@@ -367,7 +367,7 @@ TEST(PilotOrder, AFlightAlongAPathThatWaitsIsEndedByALandingAndByAStop) {
     ASSERT_EQ(world.core.status(0).phase, DronePhase::waiting);
     world.say({.drone = 0, .land = !stop, .stop = stop});
     EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
-    EXPECT_THAT(world.core.status(0).why, HasSubstr("its pilot"));
+    EXPECT_THAT(world.core.status(0).why, HasSubstr(stop ? "stopped by Org2MSP CN=User1@org2" : "its pilot"));
     world.drones[0].has_pose = true;
     world.run(10);
     EXPECT_EQ(world.drones[0].phase, FlightPhase::on_ground) << "it never takes off";

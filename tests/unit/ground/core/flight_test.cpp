@@ -129,6 +129,21 @@ TEST(Flight, SilenceInTheAirEndsInLandingAndThenInFailure) {
   EXPECT_THAT(world.core.why(), HasSubstr("was not seen to land within 20 s"));
 }
 
+TEST(Flight, ASilenceIsWarnedOfAndSaysWhetherTheLedgerIsSilentToo) {
+  for (const int drones : {1, 2}) {
+    FlightWorld world(config_for(drones));
+    world.run(10);
+    ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+    const std::string who = drones == 1 ? "s, nor any block" : "s, though blocks come";
+    world.drones[0].silent = true;
+    world.run(2);
+    ASSERT_EQ(world.notes.size(), 1U);
+    EXPECT_THAT(world.notes[0], HasSubstr("tello1: no state came for 1.0 " + who));
+    world.run(3.5);
+    EXPECT_THAT(world.core.why(), HasSubstr("no state came for 5.0 " + who));
+  }
+}
+
 TEST(Flight, ALinkThatIsStartedAgainInTheAirIsWaitedForAndFlownOn) {
   FlightWorld world(config_for(1));
   world.run(10);
@@ -182,6 +197,15 @@ TEST(Flight, ADroneThatComesDownByItselfIsReportedWithItsCause) {
   EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
   EXPECT_FALSE(world.core.status(0).finished);
   EXPECT_THAT(world.core.why(), HasSubstr("came down by itself: battery critical"));
+}
+
+TEST(Flight, WhoeverElseLandedItIsNotCalledItself) {
+  FlightWorld world(config_for(1));
+  world.run(10);
+  world.drones[0].phase = FlightPhase::landing;
+  world.drones[0].phase_since_ns = world.now_ns;
+  world.run(30);
+  EXPECT_THAT(world.core.why(), HasSubstr("landed without an order of ours"));
 }
 
 TEST(Flight, OneDronesTroubleLeavesTheOthersFlying) {

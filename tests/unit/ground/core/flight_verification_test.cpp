@@ -32,7 +32,7 @@ TEST(FlightVerification, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgn
     FlightInputs inputs;
     inputs.block = &block;
     const FlightOutputs out = core.step(ns_per_s, inputs);
-    EXPECT_EQ(out.news.empty(), out.traces.empty());
+    EXPECT_EQ(out.updates.empty(), out.traces.empty());
     return out.traces.size();
   };
   EXPECT_EQ(give(outsider_name, false), 0u);

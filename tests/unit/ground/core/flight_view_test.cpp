@@ -22,9 +22,9 @@ TEST(FlightView, ADroneIsKnownByItsPlaceInTheConfigWhateverItsChannel) {
   EXPECT_EQ(view.drones()[0].name, "a");
   EXPECT_EQ(view.drones()[1].name, "b");
   EXPECT_EQ(view.drones()[2].name, "c");
-  for (std::size_t drone = 0; drone < 3; ++drone) EXPECT_EQ(view.drone_at(view.place(drone)), drone);
+  for (std::size_t drone = 0; drone < 3; ++drone) EXPECT_EQ(view.drone_at(view.slot(drone)), drone);
   EXPECT_EQ(view.channel_of(1), "yard");
-  EXPECT_EQ(view.place(2).drone, 1U);
+  EXPECT_EQ(view.slot(2).drone, 1U);
   EXPECT_EQ(&view.status(2), &teleop.status(1));
   EXPECT_EQ(&view.status(1), &yard.status(0));
 }
@@ -44,7 +44,7 @@ TEST(FlightView, OneFlightIsItsOwn) {
   const FlightCore core(flight("teleop", {{"a", 1}, {"b", 2}}));
   const FlightView view = core;
   EXPECT_EQ(view.channels(), 1U);
-  EXPECT_EQ(view.place(1).drone, 1U);
+  EXPECT_EQ(view.slot(1).drone, 1U);
 }
 
 }  // namespace

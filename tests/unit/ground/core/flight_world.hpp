@@ -112,6 +112,7 @@ class FlightWorld {
     FailsafeCause cause = FailsafeCause::none;
     bool obeys_takeoff = true, obeys_landing = true, silent = false, has_pose = true;
     TimeNs pose_late_ns = 0;       ///< so old is its pose
+    float sigma_m = 0;             ///< of x alone
     std::vector<DronePlan> plans;  ///< as they came
     TimeNs arrived_ns = 0;         ///< the newest of them
   };
@@ -170,8 +171,8 @@ class FlightWorld {
   std::uint64_t height = 1;
   std::vector<TraceRecord> traces;
   std::vector<CommandCall> calls;
-  std::size_t news = 0;  ///< with odometry
-  std::vector<std::string> notes;
+  std::size_t updates = 0;  ///< with odometry
+  std::vector<std::string> notes, diagnoses;
   std::vector<DronesCall> stops;  ///< as they were submitted
   bool all_stops_urgent = true;
   fabric::Outcome::Kind end_of_stops = fabric::Outcome::Kind::committed;
@@ -186,7 +187,8 @@ class FlightWorld {
   void give(const FlightInputs& inputs) {
     FlightOutputs out = core.step(now_ns, inputs);
     traces.insert(traces.end(), out.traces.begin(), out.traces.end());
-    for (const DroneUpdate& one : out.news) news += one.odometry.empty() ? 0 : 1;
+    for (const DroneUpdate& one : out.updates) updates += one.odometry.empty() ? 0 : 1;
+    for (const DroneUpdate& one : out.diagnoses) diagnoses.push_back(one.diagnosis);
     notes.insert(notes.end(), out.notes.begin(), out.notes.end());
     for (const Submission& submission : out.submissions) {
       if (submission.call.function == "stop") {
@@ -214,7 +216,7 @@ class FlightWorld {
     for (const std::string& name : stops.back().drones()) {
       *event_of_stop.add_stops() = stop_of(name, operator_name, stops.back().cut());
       for (Drone& drone : drones) {
-        if (drone.name == name && in_flight(drone.phase)) enter(drone, FlightPhase::landing);
+        if (drone.name == name && is_in_flight(drone.phase)) enter(drone, FlightPhase::landing);
       }
     }
     const std::vector<std::string> asked(stops.back().drones().begin(), stops.back().drones().end());
@@ -239,6 +241,7 @@ class FlightWorld {
         sample.velocity_mps[static_cast<std::size_t>(i)] = drone.model.motion.velocity_mps[i];
       }
       sample.yaw_rad = drone.model.motion.yaw_rad;
+      sample.pose_variance[0] = drone.sigma_m * drone.sigma_m;
       for (std::size_t i = 0; i < 3; ++i)
         sample.sent_velocity_mps[i] = static_cast<float>(drone.model.setpoint_mps[static_cast<int>(i)]);
       if (!drone.plans.empty()) sample.arrived_sequence = drone.plans.back().sequence();
@@ -260,7 +263,7 @@ class FlightWorld {
         if (drone.name != plan.drone()) continue;
         drone.plans.push_back(plan);
         drone.arrived_ns = now_ns;
-        if (plan.action() == TAKEOFF && !in_flight(drone.phase) && drone.obeys_takeoff) {
+        if (plan.action() == TAKEOFF && !is_in_flight(drone.phase) && drone.obeys_takeoff) {
           enter(drone, FlightPhase::taking_off);
         } else if (plan.action() == LAND && drone.phase == FlightPhase::flying && drone.obeys_landing) {
           enter(drone, FlightPhase::landing);

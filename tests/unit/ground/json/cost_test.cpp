@@ -12,7 +12,7 @@
 #include "ground/mission/mission.hpp"
 #include "ground/mission/run.hpp"
 #include "ground/motion/waypoints.hpp"
-#include "ground/service/core/api.hpp"
+#include "ground/service/core/stream_messages.hpp"
 
 namespace {
 std::uint64_t steps = 0;

@@ -60,6 +60,15 @@ test('what is reported of an operator names that operator and nobody else', () =
   for (const other of [`${alice}x`, `${alice},O=org3`]) assert.equal(rules.named(`held by ${other}`, of_alice), `held by ${other}`);
 });
 
+test('what came of a request is said on its card: by its signer, or why the drone does not do it', () => {
+  const refused = { level: 'warning', text: `no take-off: its lease is held by ${bob}` };
+  assert.equal(rules.replyOf({ level: 'info', text: 'alice: take control' }, of_alice), 'alice: take control: done');
+  assert.equal(rules.replyOf({ level: 'warning', text: 'bob: take control: refused' }, of_alice), null);
+  assert.equal(rules.replyOf(refused, without), refused.text);
+  assert.equal(rules.replyOf(refused, of_alice), 'no take-off: its lease is held by bob');
+  assert.equal(rules.replyOf({ level: 'alarm', text: 'link does not reach it' }, without), null);
+});
+
 const mission = (more) => ({ name: 'survey', drones: ['tello1', 'tello2'], phase: 'checked', paused: false, approvals: [], approvals_needed: 2, findings: [], reached: {}, ...more });
 
 test('a mission counts its approvals, and says whose they are', () => {

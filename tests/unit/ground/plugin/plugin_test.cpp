@@ -1,4 +1,4 @@
-#include "ground/core/follower.hpp"
+#include "ground/plugin/plugin.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

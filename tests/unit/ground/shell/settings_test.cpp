@@ -13,7 +13,7 @@ namespace {
 
 TEST(GroundSettings, AWholeConfigIsReadAndDefaultsFillTheRest) {
   auto config = Config::parse(
-      "[flight]\nshape = \"x\"\nspeed_mps = 0.8\nlaps = 2\n[output]\ntrace = \"t\"\nstatus_period_ms = 0\n"
+      "[flight]\nshape = \"x\"\nspeed_mps = 0.8\nlaps = 2\n[output]\ntrace = \"t\"\n"
       "[[drone]]\nname = \"tello1\"\nnumber = 1\n[[drone]]\nname = \"tello5\"\nnumber = 5\n",
       "ground.toml");
   ASSERT_TRUE(config);

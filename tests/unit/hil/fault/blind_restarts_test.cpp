@@ -91,7 +91,7 @@ Flown flown(const RunResult& result) {
   return flown;
 }
 
-TEST(BlindRestarts, EveryDroneIsLandedWithin25SecondsInsideTheFencePlusHalfAMetre) {
+TEST(BlindRestartCampaign, EveryDroneIsLandedWithin25SecondsInsideTheFencePlusHalfAMetre) {
   const int all = seeds(slice, 1'000);
   std::vector<BlindRestart> made;
   for (int kind = 0; kind < 4; ++kind) {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "hil/fault/real/real.hpp"
+#include "hil/fault/real/real_run.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -11,14 +11,14 @@
 namespace ledgerline::hil {
 namespace {
 
-TEST(FaultLibrary, EveryScenarioHolds) {
+TEST(FaultCampaign, EveryScenarioHolds) {
   const auto files = library();
   EXPECT_GE(files.size(), 60U);
   std::vector<Flight> flights;
   for (std::size_t i = 0; i < files.size(); i += slow ? 25 : 1) {
     auto script = load_script(files[i]);
     ASSERT_TRUE(script.ok()) << script.error().message;
-    if (!check_sitl(*script)) continue;  // somebody's own program flies it: tests/system/own
+    if (!check_sitl(*script)) continue;  // somebody's own program flies it: tests/system/own_code
     for (int seed = 1; seed <= seeds(1, 20); ++seed) flights.push_back({*script, static_cast<std::uint64_t>(seed)});
   }
   double flown_s = 0;

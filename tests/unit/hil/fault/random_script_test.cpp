@@ -4,9 +4,10 @@
 #include <cstdio>
 #include <fstream>
 
+#include "hil/fault/random_script.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
-#include "hil/fault/script.hpp"
+#include "hil/fault/shrink.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 
@@ -15,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-TEST(FaultRandom, NoInvariantBreaks) {
+TEST(RandomFaultCampaign, NoInvariantBreaks) {
   const std::size_t count = static_cast<std::size_t>(seeds(slow ? 1 : 100, 10'000));
   double flown_s = 0;
   const TimeNs begin = monotonic_ns();

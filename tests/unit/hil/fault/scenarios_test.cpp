@@ -1,4 +1,4 @@
-#include "hil/fault/script.hpp"
+#include "hil/fault/scenarios.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -46,11 +46,13 @@ TEST_F(Scenarios, AreNamedByFileFolderScenarioOrGroup) {
   file("mine/notes.txt");
   EXPECT_THAT(*scripts_named({"c"}, opt), ElementsAre(c));
   EXPECT_THAT(*scripts_named({"flight"}, opt), ElementsAre(a, b));
+  EXPECT_THAT(*scripts_named({"all"}, opt), ElementsAre(a, b, c));
   EXPECT_THAT(*scripts_named({at("mine")}, opt), ElementsAre(mine));
   EXPECT_THAT(*scripts_named({mine, "a", "flight"}, opt), ElementsAre(mine, a, b));
   const auto none = scripts_named({"wings"}, opt);
   ASSERT_FALSE(none.ok());
   EXPECT_THAT(none.error().message, HasSubstr("there is no file wings, and no scenario or group of this name in"));
+  EXPECT_THAT(scripts_named({"fligt"}, opt).error().message, HasSubstr("(did you mean flight? "));
   EXPECT_THAT(scripts_named({"wings"}, at("elsewhere")).error().message, HasSubstr("neither in"));
   fs::create_directories(at("empty"));
   EXPECT_THAT(scripts_named({at("empty")}, opt).error().message, HasSubstr("there is no *.toml in"));

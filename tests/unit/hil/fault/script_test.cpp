@@ -3,6 +3,7 @@
 #include <fstream>
 #include <set>
 
+#include "hil/fault/random_script.hpp"
 #include "hil/fault/script.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
@@ -16,10 +17,15 @@ TEST(FaultScript, SaysFileLineKeyAndWhatIsAllowed) {
       "sideways\"\n[[fault]]\nwhat = \"ledger stall\"\nat = \"noon\"\n[[fault]]\nwhat = \"ledger stall\"\nfor = "
       "\"long\"\n");
   for (const char* wanted :
-       {"x.toml:2: must: \"flies well\" is no rule; there are", "x.toml:4: flight.laps: must be a whole number from 1",
-        "x.toml:5: flight.wings: unknown key",
+       {"x.toml:2: must: \"flies well\" is no rule (`ledgerline fault list rules`)\n",
+        "x.toml:4: flight.laps: must be a whole number from 1", "x.toml:5: flight.wings: unknown key",
         "x.toml:7: fault.0.what:", "x.toml:10: fault.1.at: \"noon\": must be a time", "x.toml:13: fault.2.for:"})
     EXPECT_NE(error.find(wanted), std::string::npos) << wanted << "\nis not in\n" << error;
+}
+
+TEST(FaultScript, ARuleThatIsNearlyOneIsAskedFor) {
+  EXPECT_EQ(parse_rule("holds withn 5 s").error().message,
+            "\"holds withn 5 s\" is no rule: did you mean \"holds within 2 s\"? (`ledgerline fault list rules`)");
 }
 
 TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
@@ -66,6 +72,7 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
     const std::string error = error_of(std::string("title = \"t\"\n[[fault]]\nwhat = \"") + what + "\"\n");
     EXPECT_NE(error.find("x.toml:3: fault.0.what:"), std::string::npos) << what << ": " << error;
   }
+  EXPECT_TRUE(error_of("title = \"t\"\n[[fault]]\nwhat = \"drone tello2 to stall\"\n").ends_with("only tello1"));
   EXPECT_NE(error_of("title = \"t\"\n[[fault]]\nwhat = \"ground end\"\n").find("kill"), std::string::npos);
   EXPECT_EQ(
       error_of("title = \"t\"\n[flight]\nkeeps_rc = false\ncommand_counts = false\n[[fault]]\nwhat = \"link end\"\n"),

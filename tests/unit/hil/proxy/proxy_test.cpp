@@ -175,9 +175,9 @@ TEST(Script, ReadsARecordingOnce) {
 TEST(Script, ReadsARecordedDayOnce) {
   int reads = 0;
   Switches s({{Kind::drone, "tello1"}, {Kind::server, "agent"}}, reading_once<Distribution::Recording>(read_recording),
-             reading_once<Day>([&](const std::string& path) {
+             reading_once<std::shared_ptr<const LinkRecording>>([&](const std::string& path) {
                ++reads;
-               return parse_day(path, path == "lossless" ? "0,0.01\n1,0.02\n" : "0,0.01\n1,lost\n");
+               return parse_link_recording(path, path == "lossless" ? "0,0.01\n1,0.02\n" : "0,0.01\n1,lost\n");
              }));
   const auto script = Script::make({{0, ns_per_s, "drone tello1 state recorded-day f at 1s"}}, s);
   ASSERT_TRUE(script) << script.error().message;

@@ -30,7 +30,7 @@ class OtherGround {
     const TimeNs now = world_.now();
     port_.step(now);
     const auto outcomes = port_.pop_outcomes();
-    apply_news(outcomes, port_.pop_blocks(), [this](const ground::FlightInputs& inputs) { give(inputs); });
+    apply_updates(outcomes, port_.pop_blocks(), [this](const ground::FlightInputs& inputs) { give(inputs); });
     if (now % (50 * ns_per_ms) == 0) give({});
   }
   bool flies() const { return core_.status(0).phase == ground::DronePhase::manual; }
@@ -165,7 +165,7 @@ Flown fly(std::uint64_t seed, int hand_overs, int evictions) {
   return flown;
 }
 
-TEST(HandOverInFlight, OfAThousandAndTwoHundredEvictionsNoneLeavesTwoHoldersOrADroneWithoutOne) {
+TEST(HandOverCampaign, OfAThousandAndTwoHundredEvictionsNoneLeavesTwoHoldersOrADroneWithoutOne) {
   Flown all;
   std::map<std::uint64_t, int> gaps;
   for (int seed = 1; seed <= (slow ? 1 : 5); ++seed) {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "hil/netem/text_parse.hpp"
-#include "tests/unit/hil/sitl/lies.hpp"
+#include "tests/unit/hil/sitl/tampering.hpp"
 
 /// A peer with its real key between the operator, the drone's host and the ledger: whatever it makes of what they asked
 /// for, nothing is flown that nobody signed, and every drone comes down.
@@ -12,15 +12,15 @@ namespace ledgerline::hil {
 namespace {
 
 // Lies about a take-off need one, lies about a flight need one: so both moments.
-std::string script_of(const std::string& lie, bool compared, std::uint64_t seed) {
+std::string script_of(const std::string& tampering, bool compared, std::uint64_t seed) {
   const std::string at = seed % 2 == 0 ? "0s" : fmt::format("path + {}ms", 500 + 400 * (seed % 7));
-  const bool of_stop = lie.starts_with("stop-") || lie.starts_with("apply-stops-");
+  const bool of_stop = tampering.starts_with("stop-") || tampering.starts_with("apply-stops-");
   const std::string stop = of_stop ? "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 4s\"\n" : "";
   return fmt::format(
              "title = \"A peer lies: {0}\"\nmust = [\"no crash\", \"fence kept within 0.5 m\"]\n[flight]\ndrones = "
              "{1}\n"
              "[[fault]]\nwhat = \"ledger relay {0}{2}\"\nat = \"{3}\"\n",
-             lie, lie == "plan-drone" || seed % 5 == 0 ? 2 : 1, compared ? " compared" : "",
+             tampering, tampering == "plan-drone" || seed % 5 == 0 ? 2 : 1, compared ? " compared" : "",
              of_stop ? "path + 1s" : at) +
          stop;
 }

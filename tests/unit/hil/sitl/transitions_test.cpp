@@ -120,7 +120,7 @@ class Host {
 
  private:
   struct Submitted {
-    std::uint64_t frame = 0;
+    std::uint64_t call_number = 0;
     TimeNs gives_up_ns = 0;
     bool answer_lost = false;
   };
@@ -139,7 +139,7 @@ class Host {
   void pilot() {
     if (world.core.phase(1) == FlightPhase::flying) {
       world.fly_plan({0, 0, 0}, 4);
-    } else if (!in_flight(world.core.phase(1)) && world.now % (33 * 10 * ms) == 0) {
+    } else if (!is_in_flight(world.core.phase(1)) && world.now % (33 * 10 * ms) == 0) {
       world.plan(PlanAction::takeoff);
     }
   }
@@ -156,7 +156,7 @@ class Host {
     agent_->step(world.now, out_);
     for (const auto& submit : out_.submits) {
       const std::uint64_t id = ++last_id_;  // two starts of agent use the same numbers
-      submitted_[id] = {submit.frame, world.now + ns_per_s, away};
+      submitted_[id] = {submit.call_number, world.now + ns_per_s, away};
       if (!away || answers_are_lost) ledger_.submit(world.now, client_, id, submit.call);
     }
     if (out_.heartbeat) {
@@ -170,7 +170,7 @@ class Host {
     if (found == submitted_.end()) return;  // of an agent that is gone
     const bool given_up = world.now >= found->second.gives_up_ns;
     if ((away || found->second.answer_lost) && !given_up) return;
-    agent_->on_outcome(world.now, found->second.frame, given_up ? fabric::Outcome{} : outcome, out_);
+    agent_->on_outcome(world.now, found->second.call_number, given_up ? fabric::Outcome{} : outcome, out_);
     submitted_.erase(found);
   }
 

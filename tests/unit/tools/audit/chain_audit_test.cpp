@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "ground/service/missions/approvals.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/tools/audit/signed_ledger.hpp"
 
@@ -81,13 +82,35 @@ TEST_F(ChainAuditTest, TellsOfAnchorsInTheirSignersWords) {
   ASSERT_EQ(audit.report().anchors().count(), 1U);
   EXPECT_THAT(audit.report().anchors().all()[0].what, HasSubstr("\"approves mission survey\", SHA-256 6464"));
   EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}), HasSubstr("approves mission survey"));
+  EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}),
+              HasSubstr(", transaction " + audit.report().anchors().all()[0].when.tx_id + "\n"));
 }
 
-TEST(ATime, IsOfTheClockOrInSeconds) {
-  EXPECT_EQ(*time_from("2023-11-14T22:13:20Z"), 1'700'000'000 * ns_per_s);
-  EXPECT_EQ(*time_from("1700000000"), 1'700'000'000 * ns_per_s);
-  for (const char* wrong : {"", "yesterday", "-5", "2023-11-14", "2023-11-14T22:13:20", "99999999999999999999"})
-    EXPECT_FALSE(time_from(wrong)) << wrong;
+TEST_F(ChainAuditTest, TellsOfApprovalsThatStandWhenTheSpanBegins) {
+  const ground::service::ApprovalTerms terms({"Org2MSP", "CN=station"}, 7'200);
+  const auto anchor = [&](const std::string& what) {
+    AnchorCall call;
+    call.set_digest(std::string(32, static_cast<char>('a' + what.size() % 26)));
+    call.set_what(what);
+    ledger.submit(ledger.pilot, "anchor", call.SerializeAsString());
+  };
+  const DroneReport before = audited(ledger.chain, ledger.trust()).report().drones().at("tello1");
+  const TimeNs now_ns = before.commands.begin()->second.last.time_ns;
+  anchor(terms.approval_words("survey", now_ns / ns_per_s));
+  anchor(terms.approval_words("old", now_ns / ns_per_s - 86'400));
+  anchor(terms.withdrawal_words("other"));
+  anchor("a camera's film");
+  const TimeSpan span{now_ns + 60 * ns_per_s, std::numeric_limits<TimeNs>::max()};
+  const ChainAudit audit = audited(ledger.chain, ledger.trust(), span);
+  ASSERT_EQ(audit.report().anchors().count(), 2U);
+  EXPECT_THAT(audit.report().anchors().all()[0].what, HasSubstr("mission survey may be flown until"));
+  EXPECT_THAT(audit.report().anchors().all()[1].what, HasSubstr("mission other may not be flown any more"));
+  EXPECT_EQ(audited(ledger.chain, ledger.trust(), {0, 1}).report().anchors().count(), 0U) << "given behind the span";
+
+  const AuditRequest asked{"teleop", "memory", "anchor", {"tello1"}, span};
+  EXPECT_THAT(to_table(audit, asked), HasSubstr("the whole chain: "));
+  EXPECT_EQ(to_json(audit, asked)["asked"]["counted"], "in that time, of all drones");
+  EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}), ::testing::Not(HasSubstr("the whole chain: ")));
 }
 
 TEST_F(ChainAuditTest, AFlagThatIsNotTheVerdictIsFound) {

@@ -52,6 +52,18 @@ TEST_F(CopyTest, ANodesFileIsReadAndNotTouched) {
   EXPECT_EQ(*read_file(folder + "/blocks"), before);
 }
 
+TEST_F(CopyTest, ANodesAndAFlightsFolderHaveTheFileFurtherIn) {
+  make_store({"one", "two"});
+  for (const std::string inside : {"/ledger", "/ledger/ledger"}) {
+    fs::create_directories(folder + "/run" + inside);
+    fs::copy_file(folder + "/blocks", folder + "/run" + inside + "/blocks");
+    ASSERT_TRUE(read(folder + "/run")) << inside;
+    EXPECT_THAT(blocks, ElementsAre("one", "two")) << inside;
+    fs::remove_all(folder + "/run");
+    blocks.clear();
+  }
+}
+
 TEST_F(CopyTest, APathThatCannotBeLookedAtIsAnErrorWithTheSystemsWords) {
   const auto absent = read(folder + "/nothing");
   ASSERT_FALSE(absent);
@@ -81,6 +93,9 @@ TEST_F(CopyTest, ADamagedFileSaysWhere) {
   ASSERT_TRUE(reading);
   EXPECT_THAT(blocks, ElementsAre("one"));
   EXPECT_THAT(reading->problem, HasSubstr("(block 1)"));
+  EXPECT_THAT(reading->problem, ::testing::StartsWith(folder + "/blocks is damaged"));
+  fs::rename(folder + "/blocks", folder + "/kept");
+  EXPECT_THAT(read(folder + "/kept")->problem, ::testing::StartsWith(folder + "/kept is damaged"));
 }
 
 TEST_F(CopyTest, AFolderOfBlocksIsReadInTheirOrder) {

@@ -109,6 +109,37 @@ TEST_F(ReportTest, StopsClearsAndRolesAreReported) {
   EXPECT_EQ(audit->report().roles().all()[0].what, "OPERATOR " + pilot_name);
 }
 
+TEST_F(ReportTest, AnEnrolmentAndAGrantNameWhomTheyAreAbout) {
+  reported();
+  const std::string table = to_table(*audit, {"teleop", "memory", "anchor", {"tello1"}});
+  EXPECT_THAT(table, HasSubstr("enroll on host Org1MSP/client.Org1MSP by " + admin_name));
+  EXPECT_THAT(table, HasSubstr("grant to Org2MSP: fly up to priority"));
+  EXPECT_THAT(to_json(*audit, {})["drones"]["tello1"]["words"][1]["object"].get<std::string>(),
+              ::testing::StartsWith("to Org2MSP: fly"));
+}
+
+TEST_F(ReportTest, StopsAndClearsAreAllInTheTableWithTheirTransactions) {
+  std::vector<std::string> transactions;
+  for (int i = 0; i < 5; ++i) {
+    transactions.push_back(ledger.submit(ledger.pilot, "stop", SignedLedger::drones_call()));
+    transactions.push_back(ledger.submit(ledger.pilot, "clear_stop", SignedLedger::drones_call()));
+  }
+  reported();
+  const std::string table = to_table(*audit, {});
+  for (const std::string& id : transactions) EXPECT_THAT(table, HasSubstr(", transaction " + id + "\n"));
+  EXPECT_THAT(table, HasSubstr("and 2 more: --json or --html has all\n")) << "enrolment and grant";
+}
+
+TEST_F(ReportTest, AnEnrolledDroneThatNeverFlewIsReportedAsThat) {
+  reported();
+  EXPECT_THAT(to_table(*audit, {}), HasSubstr("\n  1 enrolled drones never flew\n"));
+  EXPECT_THAT(to_table(*audit, {"teleop", "memory", "anchor", {"tello1"}}), HasSubstr("enrolled, but never flew\n"));
+  ledger.acquire();
+  ledger.submit(ledger.pilot, "command", ledger.command_call(1, 1, 100, TAKEOFF));
+  reported();
+  EXPECT_THAT(to_table(*audit, {}), ::testing::Not(HasSubstr("never flew")));
+}
+
 TEST_F(ReportTest, TwoWayLatencyIsOfOneClock) {
   ledger.acquire();
   ledger.submit(ledger.pilot, "command", ledger.command_call(1, 1, 1'000 * ns_per_ms));

@@ -37,6 +37,32 @@ TEST(DoctorBlocks, ThatComeLateNameTheTimesThatFit) {
       << "cut at once";
 }
 
+TEST(Doctor, ReportsAProblemOnce) {
+  const Finding wrong = flag(Problem::config_wrong, "config", "agent.toml:3: x: unknown key");
+  const Findings all{wrong, fine("clock", "good"), wrong, of_drone("a", wrong)};
+  EXPECT_EQ(words(without_repeats(all)), words({wrong, fine("clock", "good"), of_drone("a", wrong)}));
+}
+
+TEST(DoctorContract, AServiceThatIsDownIsNotAPeerThatRefuses) {
+  for (const char* words :
+       {"error in simulation: failed to execute transaction 1f: could not launch chaincode ledgerline_1:2a: connection "
+        "to "
+        "ledgerline_1:2a failed: error creating grpc connection to cc:9999: context deadline exceeded",
+        "control/tello1: 10.0.0.2:7051 did not answer within 3 s"})
+    EXPECT_EQ(assess_refusal(words).problem, Problem::contract_silent) << words;
+  EXPECT_EQ(assess_refusal("access denied: channel [teleop]").problem, Problem::ledger_refuses);
+}
+
+TEST(DoctorContract, EachReasonWhyAServiceIsSilentHasItsCure) {
+  const std::string launch = "could not launch chaincode ledgerline_1:2a: connection to ledgerline_1:2a failed: ";
+  EXPECT_EQ(assess_refusal(launch + "dial tcp 10.0.0.3:9999: connect: connection refused").cure, "") << "its own";
+  EXPECT_THAT(assess_refusal(launch + "failed to create new connection: context deadline exceeded").cure,
+              HasSubstr("--tls-root"));
+  EXPECT_THAT(assess_refusal("10.0.0.2:7051 did not answer within 3 s").cure, HasSubstr("CHAINCODE_ID"));
+  EXPECT_THAT(assess_refusal("chaincode definition for 'ledgerline' exists, but chaincode is not installed").cure,
+              HasSubstr("contract install"));
+}
+
 Finding server(const std::function<void(ServerInputs&)>& change) {
   ServerInputs inputs{.what = "peer", .endpoint = "h:1", .name = "h", .tls_ca = "ca.pem"};
   inputs.tls = inputs.http2 = inputs.trusted = inputs.right_name = true;
@@ -59,6 +85,24 @@ TEST(DoctorServer, TellsEachLayerApart) {
   EXPECT_EQ(server([](auto& f) { f.wants_certificate = true; }).problem, Problem::tls_client_certificate);
   EXPECT_EQ(server([](auto& f) { f.trusted = false, f.expired = true; }).problem, Problem::tls_wrong_authority)
       << "dates of an outsider's certificate mean nothing";
+}
+
+TEST(DoctorServer, NamesTheOrdererThatIsDownBehindAGateway) {
+  const auto at = [](const std::string& endpoint, ServerInputs::Reached reached) {
+    ServerInputs inputs{.what = "channel c's orderers", .endpoint = endpoint, .name = "o", .tls_ca = ""};
+    inputs.reached = reached;
+    inputs.wants_certificate = true;
+    return inputs;
+  };
+  using Reached = ServerInputs::Reached;
+  const Findings one_of_two = assess_orderers({at("a:7050", Reached::yes), at("b:7050", Reached::closed)});
+  EXPECT_FALSE(one_of_two.at(0).problem) << "it asks others than its clients for a certificate";
+  EXPECT_EQ(one_of_two.at(1).problem, Problem::port_closed);
+  EXPECT_EQ(one_of_two[1].severity, Severity::warning) << "the other one orders";
+  EXPECT_THAT(one_of_two[1].what, HasSubstr("b:7050"));
+  EXPECT_EQ(assess_orderers({at("b:7050", Reached::closed)}).at(0).severity, Severity::broken);
+  EXPECT_EQ(assess_orderers({at("b:7050", Reached::silent)}).at(0).severity, Severity::warning)
+      << "a firewall may let the peers alone through";
 }
 
 TEST(DoctorServer, SaysWhatToWriteForAnEndpointThatIsNone) {
@@ -127,6 +171,23 @@ TEST(DoctorIdentity, NamesTheChannelWhoseAuthoritiesDoNotKnowIt) {
                               .at(0);
   EXPECT_EQ(foreign.problem, Problem::identity_foreign);
   EXPECT_THAT(foreign.what, HasSubstr("on channel yard"));
+}
+
+TEST(DoctorIdentity, SaysHowLongInTheUnitThatFits) {
+  const auto ca = crypto::make_ca("ca", "org").value();
+  const auto own =
+      crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
+  const std::int64_t end_s = crypto::parse_certificate(own.certificate_pem)->not_after_s;
+  const auto what = [&](std::int64_t now_s) {
+    return assess({.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = own.certificate_pem}, {}, now_s)
+        .at(0)
+        .what;
+  };
+  EXPECT_THAT(what(end_s + 5), HasSubstr(", 5 seconds ago"));
+  EXPECT_THAT(what(end_s + 86'400), HasSubstr(", 24 hours ago"));
+  EXPECT_THAT(what(end_s + 3 * 86'400), HasSubstr(", 3 days ago"));
+  EXPECT_THAT(what(end_s - 150), HasSubstr(", in 2 minutes"));
+  EXPECT_THAT(what(end_s - 10 * 86'400), HasSubstr(", in 10 days"));
 }
 
 TEST(DoctorServer, TellsWhoHasNoCertificateFromWhoseIsNotTaken) {
@@ -285,6 +346,13 @@ TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {
   EXPECT_EQ(taken.problem, Problem::state_port_taken);
   EXPECT_THAT(taken.cure, HasSubstr("`kill 7`"));
   EXPECT_FALSE(assess(PortInputs{.listen = "0.0.0.0:8890"}).problem);
+}
+
+TEST(DoctorHost, WarnsOfAServiceThatDoesNotRun) {
+  const Finding idle = assess_not_running("agent", "/etc/ledgerline/agent.toml");
+  EXPECT_EQ(idle.severity, Severity::warning) << "nobody may have started it yet";
+  EXPECT_THAT(idle.what, HasSubstr("/etc/ledgerline/agent.toml"));
+  EXPECT_THAT(idle.cure, HasSubstr("`systemctl start ledgerline-agent`"));
 }
 
 TEST(DoctorHost, ComparesTheDronesOfLinkAndAgentInAnyOrder) {

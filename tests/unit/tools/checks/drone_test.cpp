@@ -53,6 +53,21 @@ void expect(const FlightInputs& inputs, const std::string& check, Severity sever
   EXPECT_EQ(anything_broken(assess(inputs)), severity == Severity::broken) << check;
 }
 
+TEST(PreflightCheck, WarnsOfAPathThatOnboardOdometryDoesNotLast) {
+  FlightInputs inputs = good();
+  inputs.pose_source = "tello";
+  inputs.link.drones = {{.name = "d1", .source = link::PoseSource::tello}};
+  const double lasts_s = odometry_lasts_s(inputs.link.failsafe, inputs.link.drones[0].odometry, 4);
+  EXPECT_NEAR(lasts_s, 17, 2) << "three sigma on both sides leave half a metre: 0.58 m each, at 3.5 cm/s";
+  EXPECT_GT(odometry_lasts_s(inputs.link.failsafe, inputs.link.drones[0].odometry, 8), 2 * lasts_s - 1);
+  inputs.path_s = lasts_s - 1;
+  expect(inputs, "fence", Severity::ok, "x -2 to 2", "");
+  inputs.path_s = 30;
+  expect(inputs, "fence", Severity::warning, "4 m are too narrow for it, and its path takes 30 s", "a wider [fence]");
+  inputs.link.drones[0].source = link::PoseSource::pads;
+  expect(inputs, "fence", Severity::ok, "x -2 to 2", "");
+}
+
 TEST(PreflightCheck, WhereAllIsWellNothingIsToBeCured) {
   const Findings lines = assess(good());
   for (const Finding& line : lines) {
@@ -139,7 +154,7 @@ TEST(PreflightCheck, PosesThatAreMissingOldOrRare) {
   inputs.drones[0].pose->rate_hz = 20;
   expect(inputs, "pose", Severity::warning, "20 a second", "publish more often");
   inputs.drones[0].pose.reset();
-  expect(inputs, "pose", Severity::broken, "none that agent takes has come from /poses/d1", "start motion capture");
+  expect(inputs, "pose", Severity::broken, "agent has accepted no pose from /poses/d1", "start motion capture");
 }
 
 TEST(PreflightCheck, ADroneThatFliesByOdometryNeedsToReportAVelocity) {
@@ -261,7 +276,7 @@ TEST(PreflightCheck, LinesForPeopleAndForPrograms) {
   const auto json = nlohmann::json::parse(to_json(lines));
   EXPECT_EQ(json["ok"], false);
   ASSERT_EQ(json["checks"].size(), lines.size());
-  EXPECT_EQ(json["checks"][1], nlohmann::json::parse(R"({"drone":"d1","check":"battery","verdict":"broken",)"
+  EXPECT_EQ(json["checks"][2], nlohmann::json::parse(R"({"drone":"d1","check":"battery","verdict":"broken",)"
                                                      R"("problem":"battery_low","what":"10 %; battery_low is 15 %",)"
                                                      R"("cure":"charge or change the battery"})"));
   EXPECT_EQ(nlohmann::json::parse(to_json(assess(good())))["ok"], true);

@@ -23,7 +23,7 @@ Result<OwnDrones> own_of(const std::string& toml) {
   auto config = Config::parse(toml, "real.toml");
   if (!config) return config.error();
   EXPECT_TRUE(is_of_own_drones(*config));
-  return read_own_drones(*config);
+  return read_own_drones(*config, "real.toml");
 }
 
 std::string own_error(const std::string& toml) {
@@ -82,7 +82,37 @@ TEST_F(Calibration, CountsAsIfItStoodInTheDeployment) {
 
 TEST(OwnDrones, WhatLinkWouldRefuseAtItsStartIsRefusedHere) {
   EXPECT_THAT(own_error(a_drone + "[pose]\nsource = \"tello\"\n" + a_fence),
-              HasSubstr("link.toml of this deployment: pose.velocity_signs"));
+              HasSubstr("real.toml: pose.velocity_signs: must"));
+  EXPECT_THAT(own_error(a_drone + a_fence + "[pose]\nsource = \"tello\"\nvelocity_signs = [1, 1, 1]\nflow_mps = 5\n"),
+              HasSubstr("real.toml:10: pose.flow_mps: must be a number from 0.001 to 1"));
+  EXPECT_THAT(own_error(a_drone + "interface = \"much_too_long_for_one\"\n" + from_mocap + a_fence),
+              HasSubstr("real.toml: for link: drone a: 'much_too_long_for_one' is no interface's name"));
+}
+
+TEST_F(Calibration, IsLookedForBesideTheFileThatNamesIt) {
+  const std::filesystem::path deployment = std::filesystem::path(path_).replace_filename("real.toml");
+  const std::string key = "calibration = \"" + std::filesystem::path(path_).filename().string() + "\"\n";
+  auto config = Config::parse(key + a_drone + "[pose]\nsource = \"tello\"\n" + a_fence, deployment.string());
+  ASSERT_TRUE(config);
+  const auto own = read_own_drones(*config, deployment.string());
+  ASSERT_TRUE(own) << own.error().message;
+  EXPECT_EQ(own->flight.lag_s, 0.31);
+}
+
+TEST_F(Calibration, MakesTheExampleOfOnboardOdometryWhole) {
+  const std::string example = text_of_page("examples/deployment-odometry.toml"), named = "\"calibration.toml\"";
+  ASSERT_THAT(example, HasSubstr(named));
+  const auto own = own_of(std::string(example).replace(example.find(named), named.size(), "\"" + path_ + "\""));
+  ASSERT_TRUE(own) << own.error().message;
+  EXPECT_EQ(own->pose_source, "tello");
+  EXPECT_EQ(own->flight.shape, "square");
+}
+
+TEST(OwnDrones, TheExampleWithoutAnyPoseIsFlownByHand) {
+  const auto own = own_of(text_of_page("examples/deployment-by-hand.toml"));
+  ASSERT_TRUE(own) << own.error().message;
+  EXPECT_EQ(own->pose_source, "none");
+  EXPECT_EQ(own->flight.shape, "manual");
 }
 
 TEST_F(Calibration, SaysWhatStandsTwiceAndWhatCannotBeRead) {
@@ -99,6 +129,8 @@ TEST(OwnDrones, WhatIsDangerousHasNoDefault) {
   EXPECT_THAT(own_error(a_drone + from_mocap + "[fence]\nmin_m = [0, 0, 0]\n"),
               HasSubstr("fence.max_m: must be there"));
   EXPECT_THAT(own_error(a_drone + a_fence), HasSubstr("pose.source: is missing"));
+  EXPECT_THAT(own_error(a_drone + a_fence + "[pose]\nsource = \"telo\"\nvelocity_signs = [1, 1, 1]\n"),
+              HasSubstr("pose.source: must be one of mocap, tello, pads, mocap+tello, none"));
   EXPECT_THAT(own_error(from_mocap + a_fence), HasSubstr("drone: must be 1 to 16 tables"));
 }
 
@@ -107,7 +139,8 @@ TEST(OwnDrones, WhatIsWrongIsReportedWithFileLineAndKey) {
   EXPECT_EQ(own_error(good), "");
   EXPECT_EQ(own_error(good + "hieght_m = 2\n"), "real.toml:9: fence.hieght_m: unknown key");
   EXPECT_THAT(own_error(good + "[rc]\nfull_scale_mps = 900\n"), HasSubstr("real.toml:10: rc.full_scale_mps: must be"));
-  EXPECT_THAT(own_error(good + "[limits]\nsped_mps = 1\n"), HasSubstr("real.toml:10: limits.sped_mps: unknown key"));
+  EXPECT_THAT(own_error(good + "[limits]\nsped_mps = 1\n"),
+              HasSubstr("real.toml:10: limits.sped_mps: unknown key: did you mean speed_mps?"));
   EXPECT_THAT(own_error(good + "[ledger]\nkind = \"none\"\n"), HasSubstr("real.toml:10: ledger.kind: is \"none\""));
   EXPECT_THAT(own_error(good + "[flight]\nspeed_mps = 1.5\n[limits]\nspeed_mps = 1\n"),
               HasSubstr("flight.speed_mps: must not be above limits.speed_mps"));
@@ -135,12 +168,33 @@ TEST(OwnDrones, ANetworkThatRunsIsTakenFromItsFiles) {
   EXPECT_THAT(own->network->pilot, testing::Not(HasSubstr("[[msp]]")));
   EXPECT_EQ(own->network->admin, "");
   EXPECT_THAT(own_error(text), HasSubstr("ledger.ground: must be there with ledger.kind = \"existing\""));
-  std::ofstream(path, std::ios::app) << "[output]\ntrace = \"x\"\n";
-  EXPECT_THAT(own_error(both), HasSubstr("real.toml:11: ledger.agent: " + path + ":11: output.trace: unknown key"));
+  std::ofstream(path, std::ios::app) << "[output]\ntrace = \"x\"\n[[drone]]\nname = \"a\"\n[dds]\nlocal_only = true\n";
+  EXPECT_TRUE(own_of(both)) << "a host's whole file will do";
+  EXPECT_THAT(own_of(both)->network->agent, testing::Not(HasSubstr("trace")));
+  std::ofstream(path, std::ios::app) << "[outptu]\ntrace = \"x\"\nsummary = \"y\"\n";
+  for (const char* key : {":17: outptu.trace", ":18: outptu.summary"})
+    EXPECT_THAT(own_error(both), HasSubstr("real.toml:11: ledger.agent: " + path + key + ": unknown key\n"));
   std::filesystem::remove(path);
   EXPECT_THAT(own_error(both), HasSubstr(path));
   EXPECT_THAT(own_error(a_drone + from_mocap + a_fence + "[ledger]\nagent = \"x\"\n"),
               HasSubstr("real.toml:10: ledger.agent: goes with ledger.kind = \"existing\""));
+}
+
+TEST(OwnDrones, TheExampleOfANetworkThatRunsIsRead) {
+  const std::string directory = testing::TempDir() + "own_fabric_" + std::to_string(::getpid()) + "/";
+  std::filesystem::create_directories(directory);
+  std::string text = text_of_page("examples/own-fabric.toml");
+  for (const char* name : {"agent.toml", "ground.toml"}) {
+    const std::string usual = std::string("/etc/ledgerline/") + name;
+    ASSERT_NE(text.find(usual), std::string::npos);
+    text.replace(text.find(usual), usual.size(), directory + name);
+    std::ofstream(directory + name) << "[ledger]\nmsp_id = \"Org1MSP\"\ncertificate = \"a\"\nprivate_key = \"b\"\n"
+                                       "[[msp]]\nid = \"Org1MSP\"\nca = \"ca.pem\"\n";
+  }
+  const auto own = own_of(text);
+  ASSERT_TRUE(own) << own.error().message;
+  EXPECT_TRUE(own->network);
+  std::filesystem::remove_all(directory);
 }
 
 TEST(OwnDrones, DronesBehindInterfacesOfTheirOwnMayShareAnAddress) {

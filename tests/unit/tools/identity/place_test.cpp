@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class IdentityPlace : public testing::Test {
+class APlaceOfAnIdentity : public testing::Test {
  protected:
   void TearDown() override { fs::remove_all(dir_); }
   crypto::Renewal::Pair pair() const {
@@ -27,37 +27,37 @@ class IdentityPlace : public testing::Test {
   const std::string dir_ = testing::TempDir() + "place" + std::to_string(::getpid());
 };
 
-TEST_F(IdentityPlace, APairInAFolderIsWholeAtEachMomentOfItsRenewal) {
-  const Place place{.msp_dir = dir_ + "/msp"};
-  EXPECT_TRUE(place.is_free());
+TEST_F(APlaceOfAnIdentity, APairInAFolderIsWholeAtEachMomentOfItsRenewal) {
+  const crypto::IdentityPlace place{.msp_dir = dir_ + "/msp"};
+  EXPECT_TRUE(is_free(place));
   const auto first = pair(), second = pair();
   ASSERT_TRUE(put(place, first));
-  EXPECT_FALSE(place.is_free());
-  EXPECT_EQ(crypto::read_pair(place.now().value())->certificate_pem, first.certificate_pem);
+  EXPECT_FALSE(is_free(place));
+  EXPECT_EQ(crypto::read_pair(place.files_now().value())->certificate_pem, first.certificate_pem);
   // Cut off before the certificate: the new key is there, and the old pair counts.
   ASSERT_TRUE(write_file(place.msp_dir + "/keystore/0_sk", second.key_pem, 0600));
-  EXPECT_EQ(crypto::read_pair(place.now().value())->key_pem, first.key_pem);
+  EXPECT_EQ(crypto::read_pair(place.files_now().value())->key_pem, first.key_pem);
   ASSERT_TRUE(put(place, second));
-  const auto files = place.now().value();
+  const auto files = place.files_now().value();
   EXPECT_EQ(crypto::read_pair(files)->key_pem, second.key_pem);
   EXPECT_EQ(mode(files.private_key), 0600U);
   EXPECT_EQ(mode(place.msp_dir + "/keystore"), 0700U);
 }
 
-TEST_F(IdentityPlace, ACertificateKeepsTheNameThatItHas) {
-  const Place place{.msp_dir = dir_ + "/msp"};
+TEST_F(APlaceOfAnIdentity, ACertificateKeepsTheNameThatItHas) {
+  const crypto::IdentityPlace place{.msp_dir = dir_ + "/msp"};
   const auto first = pair(), second = pair();
   fs::create_directories(place.msp_dir + "/signcerts");
   fs::create_directories(place.msp_dir + "/keystore");
   ASSERT_TRUE(write_file(place.msp_dir + "/signcerts/User1-cert.pem", first.certificate_pem));
   ASSERT_TRUE(write_file(place.msp_dir + "/keystore/priv-key.pem", first.key_pem, 0600));
   ASSERT_TRUE(put(place, second));
-  EXPECT_EQ(place.now()->certificate, place.msp_dir + "/signcerts/User1-cert.pem");
+  EXPECT_EQ(place.files_now()->certificate, place.msp_dir + "/signcerts/User1-cert.pem");
   EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", place.msp_dir));
   EXPECT_FALSE(fs::exists(place.msp_dir + "/keystore/priv-key.pem"));
 }
 
-TEST_F(IdentityPlace, WhatIsLentIsNobodyElsesAndGoes) {
+TEST_F(APlaceOfAnIdentity, WhatIsLentIsNobodyElsesAndGoes) {
   std::string folder;
   {
     const auto home = Home::make(dir_ + "/msp");

@@ -9,6 +9,7 @@
 #include "common/base/file.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/msg/contract.hpp"
+#include "tests/unit/tools/deployment/page.hpp"
 #include "tools/configuration/config_file.hpp"
 
 namespace ledgerline::init {
@@ -301,6 +302,16 @@ TEST(InitProfile, GivesThePeerItsNameAndItsAuthority) {
   EXPECT_THAT(planned->plan.msp_ids, testing::ElementsAre("Org1MSP", "Org2MSP"));
 }
 
+TEST(InitProfile, TheExampleIsRead) {
+  const auto planned = plan_of_profile(deployment::text_of_page("examples/connection-org1.json"), "Org1MSP", "",
+                                       Directories{}, {}, "/etc/profiles");
+  ASSERT_TRUE(planned) << planned.error().message;
+  EXPECT_EQ(planned->plan.channel, "mychannel");
+  EXPECT_EQ(planned->plan.own.tls_ca, "/etc/profiles/tls/org1.pem");
+  ASSERT_EQ(planned->plan.orderers.size(), 1U);
+  EXPECT_EQ(planned->plan.orderers[0].endpoint, "10.0.0.1:7050");
+}
+
 /// Two peers of Org1, of which the second alone is on yard, and one of Org2 on teleop.
 constexpr const char* profile_of_two_channels = R"({
   "organizations": {"Org1": {"mspid": "Org1MSP", "peers": ["a.org1", "b.org1"]}, "Org2": {"mspid": "Org2MSP", "peers": ["a.org2"]}},
@@ -395,10 +406,14 @@ fabric::ChannelConfig mychannel(std::vector<crypto::MspRoot> organisations) {
   return block;
 }
 
-TEST(InitProfile, ReadsChannelAndOrganisationsFromAConfigBlock) {
-  const fabric::ChannelConfig block = mychannel({{"Org2MSP", "B"}, {"Org1MSP", "A"}});
+TEST(InitProfile, ReadsChannelBatchesAndOrganisationsFromAConfigBlock) {
+  fabric::ChannelConfig block = mychannel({{"Org2MSP", "B"}, {"Org1MSP", "A"}});
+  block.batching = {.timeout_ns = 2 * ns_per_s, .max_messages = 10};
   auto planned = of_test_network(block);
   ASSERT_TRUE(planned) << planned.error().message;
+  ASSERT_TRUE(planned->batching);
+  EXPECT_EQ(planned->batching->timeout_ns, 2 * ns_per_s);
+  EXPECT_EQ(planned->batching->max_messages, 10u);
   planned->plan.drones = planned->plan.all_drones = {{"tello1", "10.0.0.9", 1}};
   const std::string agent = text_of(*files_of(Role::drone_host, planned->plan), "agent.toml");
   expect_readable("agent", agent);

@@ -150,6 +150,16 @@ TEST_F(FakePrograms, EnrolsAndAcquiresBeforeAnythingCanFly) {
   EXPECT_THAT(started[4], HasSubstr("control --config " + files.config("operator") + " acquire tello1"));
 }
 
+TEST_F(FakePrograms, AnAdministratorWhoIsNotNamedHasNoFile) {
+  Options options;
+  options.own.emplace().network.emplace().pilot = "[ledger]\n";
+  options.own->drones.resize(1);
+  options.own->network->agent = options.own->network->ground = "[ledger]\n";
+  ASSERT_TRUE(write_configs(files, options, {}));
+  EXPECT_TRUE(std::filesystem::exists(files.config("operator")));
+  EXPECT_FALSE(std::filesystem::exists(files.config("admin")));
+}
+
 TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
   const auto text = [&](const std::string& program) {
     std::ifstream in(files.config(program));

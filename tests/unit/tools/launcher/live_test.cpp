@@ -1,5 +1,6 @@
 #include "tools/launcher/live.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -22,6 +23,44 @@ TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
   }
   EXPECT_THAT(lines[1], HasSubstr("waiting"));
   EXPECT_TRUE(live.anything_in_air());
+}
+
+TEST(Live, WithoutAPoseALineHasTheDronesOwnHeight) {
+  Live live({"tello1"}, false, 0);
+  EXPECT_THAT(live.lines(0)[0], HasSubstr("  -  state")) << "nothing is known yet";
+  live.on_status(R"({"agent":{"drones":[{"name":"tello1","position":null,"height_m":1.25}]}})");
+  EXPECT_THAT(live.lines(0)[0], HasSubstr(" height 1.25 m  state"));
+  EXPECT_THAT(live.lines(0, 80)[0], HasSubstr(" height 1.25 m"));
+}
+
+TEST(Live, ADroneAtTheOriginIsAtNoMinusZero) {
+  Live live({"tello1"}, false, 0);
+  live.on_status(R"({"agent":{"drones":[{"name":"tello1","position":[-0.004,0.004,-0.02]}]}})");
+  EXPECT_THAT(live.lines(0)[0], HasSubstr("  0.00   0.00 -0.02 m"));
+  EXPECT_THAT(live.lines(0, 80)[0], HasSubstr(" 0.0 0.0 0.0 m"));
+}
+
+TEST(Live, EightyColumnsHaveRoomForAgesTheBlockAndThePlace) {
+  Live live({"tello1"}, false, 0);
+  for (const char* mode : {"none", "brake"}) {
+    live.on_status(
+        fmt::format(R"({{"agent":{{"height":1042,"drones":[{{"name":"tello1","mode":"{}","position":[-1.25,-2.5,1.0],)"
+                    R"("state_age_ms":107.0,"command_age_ms":12.0,"two_way_ms":115.0}}]}}}})",
+                    mode));
+    live.on_status(R"({"ground":{"drones":[{"name":"tello1","phase":"path","lap":2,"progress":0.5}]}})");
+    const std::string line = live.lines(123 * ns_per_s, 80).at(0);
+    EXPECT_LE(line.size(), 80U) << line;
+    for (const char* part : {"123s", "path 50 %", "age  107", "2-way  115 ms", "block 1042", "-1.2 -2.5 1.0 m"})
+      EXPECT_THAT(line, HasSubstr(part));
+  }
+}
+
+TEST(Live, AWordOfItsOwnBeginsWhereTheLinesBegan) {
+  Live live({"tello1"}, true, 0);
+  testing::internal::CaptureStderr();
+  live.show(ns_per_s);
+  live.print("Landing");
+  EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::EndsWith("\n\r\033[1A\033[JLanding\n"));
 }
 
 TEST(Live, LinesFitTheTerminal) {

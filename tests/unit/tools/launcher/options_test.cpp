@@ -182,6 +182,8 @@ TEST(FlyOptions, SwitchesOfFaultsAreOfThePageAndBringTheProxy) {
   EXPECT_TRUE(line.options.proxy);
   EXPECT_FALSE(parse_command_line({"--shape", "manual", "--watch"}).options.proxy);
   expect_refused({"--fault-switches"}, "--watch");
+  for (const char* wrong : {"nowhere", "0.0.0.0", "192.0.2.1"})  // the last is of documents, and of no computer
+    expect_refused({"--watch", "--listen", wrong}, "--listen: " + std::string(wrong) + " is no address");
   expect_refused({"--watch", "--fault-switches", "--shim"}, "behind --shim there is none");
   expect_refused({"--watch", "--fault-switches", "--ledger", "none"}, "--ledger none");
 }

@@ -38,6 +38,24 @@ TEST(ThePagesCertificate, IsOfItsAddressAndItsKeyIsNobodyElses) {
   EXPECT_FALSE(fingerprint("nothing"));
 }
 
+TEST(TheStationsLink, ReplacesAnEarlierFlightsAndGoesWithItsOwn) {
+  const std::string folder = testing::TempDir() + "/ledgerline_station_link/ledgerline";
+  const std::string link = folder + "/flight.toml";
+  std::filesystem::remove_all(folder);
+  ASSERT_TRUE(link_station(folder, "/run/killed/ground.toml"));
+  const Status linked = link_station(folder, "/run/one/ground.toml");
+  ASSERT_TRUE(linked) << linked.error().message;
+  EXPECT_EQ(std::filesystem::read_symlink(link), "/run/one/ground.toml");
+  struct stat info {};
+  ASSERT_EQ(::stat(folder.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0700U);
+  unlink_station(folder, "/run/other/ground.toml");
+  EXPECT_TRUE(std::filesystem::is_symlink(link)) << "another flight's";
+  unlink_station(folder, "/run/one/ground.toml");
+  EXPECT_FALSE(std::filesystem::is_symlink(link));
+  EXPECT_FALSE(link_station("/proc/nowhere", "/run/one/ground.toml"));
+}
+
 TEST(AQrCode, HasLinesOfOneWidthAndSaysWhatDoesNotFit) {
   const auto code = qr_code("https://192.168.1.20:8800/#token=" + std::string(64, 'a'));
   ASSERT_TRUE(code);

@@ -63,12 +63,34 @@ TEST(Preflight, TheReasonWhyADroneIsNotReadyIsReported) {
     preflight.on_status(line);
     return preflight.ready().error().message;
   };
-  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")),
-              HasSubstr("none that agent takes has come from mocap"));
+  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")), HasSubstr("agent has accepted no pose from mocap"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "900")), HasSubstr("d1's pose: mocap, 900 ms old"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "battery_low")), HasSubstr("d1's battery: 87 %"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "stopped")), HasSubstr("d1's link: stopped: link refuses a take-off"));
   EXPECT_THAT(why(line_of("d1", "flying", "none")), HasSubstr("d1's link: flying: the drone is not on the ground"));
+}
+
+TEST(Preflight, AnotherDroneAtItsAddressAndAFirewallAreReported) {
+  Options options = options_of(2);
+  options.own->drones[0].serial = "A123";
+  Preflight preflight(options);
+  const auto hear = [&](const char* name, const char* more) {
+    preflight.on_status(fmt::format(
+        R"({{"link":{{"drones":[{{"name":"{}","phase":"on_ground","cause":"none","battery":0.87,"pose_age_ms":12,)"
+        R"("position":[0,0.5,0],{}}}]}}}})",
+        name, more));
+  };
+  hear("d1", R"("serial":null,"diverted":false)");
+  hear("d2", R"("serial":null,"diverted":false)");
+  EXPECT_FALSE(preflight.ready()) << "it has not yet said which drone it is";
+  hear("d1", R"("serial":"B456","diverted":false)");
+  EXPECT_THAT(preflight.ready().error().message, HasSubstr("10.0.0.1 says serial B456, not A123"));
+  hear("d1", R"("serial":"","diverted":false)");
+  EXPECT_TRUE(preflight.ready()) << "its firmware reports none";
+  hear("d1", R"("serial":"A123","diverted":false)");
+  EXPECT_TRUE(preflight.ready());
+  hear("d2", R"("serial":null,"diverted":true)");
+  EXPECT_THAT(preflight.ready().error().message, HasSubstr("none at 0.0.0.0:8890"));
 }
 
 TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
@@ -102,6 +124,17 @@ TEST(Preflight, APathIsCheckedFromWhereTheDroneStands) {
   const Status status = preflight.path_fits();
   ASSERT_FALSE(status);
   EXPECT_THAT(status.error().message, HasSubstr("d1 would be at 2.5, 0.5, 1 m, beyond link's fence"));
+}
+
+TEST(Preflight, WarnsWhereNothingSaysWhetherBlocksComeInTime) {
+  Options options = options_of(1);
+  deployment::OwnLedger& network = options.own->network.emplace();
+  network.agent = "[ledger]\n";
+  network.ground = "[ledger]\ntimeouts = \"auto\"\n";
+  const Preflight preflight(options);
+  EXPECT_TRUE(preflight.blocks_fit());
+  EXPECT_THAT(preflight.list(), AllOf(HasSubstr("anchor_missing: the file of ledger.agent: whether its blocks"),
+                                      Not(HasSubstr("the file of ledger.ground"))));
 }
 
 TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {

@@ -69,6 +69,16 @@ TEST(ShownReceipt, SaysWhoIsRevokedAndByWhoseLists) {
   EXPECT_EQ(nlohmann::json::parse(json(proven, used_s))["certificates"][0]["counted"], true);
 }
 
+TEST(ShownReceipt, SaysWhatTheCallWas) {
+  fabric::ReceiptProof proven = proven_by(Role::peer);
+  proven.contract = "ledgerline";
+  proven.function = "stop";
+  proven.arguments = {R"({"drones":["tello1"],"cut":true})"};
+  EXPECT_THAT(words(proven, used_s), HasSubstr("stop of ledgerline, arguments: 1, bytes of them: 32\n"
+                                               "asked for:\n  drones: tello1\n  cut: true\nendorsed by"));
+  EXPECT_EQ(nlohmann::json::parse(json(proven, used_s))["call"]["drones"][0], "tello1");
+}
+
 TEST(ShownReceipt, AmongSeveralIsOneLine) {
   EXPECT_EQ(line("a.receipt", proven_by(Role::peer)),
             "a.receipt: proven: transaction ab12 in block 7: VALID, by the word of peers of 2 of 3 organisations");

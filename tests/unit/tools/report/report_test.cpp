@@ -47,14 +47,19 @@ TEST(Report, MomentsAreWhereLinkReportedADroneWithItsSpeed) {
     link.push_back(record(TraceKind::state_sampled, (100 + 50 * i) * ns_per_ms, 1, i, 0, 0.05 * i));
     link.push_back(record(TraceKind::state_sampled, (100 + 50 * i) * ns_per_ms, 2, i, 0, 7));
   }
-  link.push_back(
-      record(TraceKind::state_sampled, 1700 * ns_per_ms, 1, 31, 0, std::numeric_limits<double>::quiet_NaN()));
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  link.push_back(record(TraceKind::state_sampled, 1700 * ns_per_ms, 1, 31, 0, unknown, unknown));
+  link.back().v[2] = 0.8;
+  link.back().extra = 730;
   const auto moments = flown_moments(link, 1, 100 * ns_per_ms, 1800 * ns_per_ms);
-  ASSERT_EQ(moments.size(), 31u);
+  ASSERT_EQ(moments.size(), 32u);
   EXPECT_DOUBLE_EQ(moments.front().t_s, 0);
   EXPECT_EQ(moments[2].speed_mps, 0) << "not known yet";
-  EXPECT_NEAR(moments.back().speed_mps, 1.0, 1e-9);
-  EXPECT_NEAR(moments.back().position_m[0], 1.5, 1e-9);
+  EXPECT_NEAR(moments[30].speed_mps, 1.0, 1e-9);
+  EXPECT_NEAR(moments[30].position_m[0], 1.5, 1e-9);
+  EXPECT_EQ(moments.back().position_m[2], 0.8) << "without a pose its own height is known";
+  EXPECT_TRUE(std::isnan(moments.back().speed_mps));
+  EXPECT_DOUBLE_EQ(moments.back().battery, 0.73);
 }
 
 TEST(Report, ModeChangesHaveTheirNamesAndADamagedOneIsUnknown) {
@@ -158,6 +163,14 @@ TEST_F(RunDirectory, FiguresThatCannotBeAreLeftOut) {
   EXPECT_EQ(r.drones.at(0).two_way.size(), 1u);
 }
 
+TEST_F(RunDirectory, OfAFlightByHandThePathIsOfEveryTakeOff) {
+  fill();
+  options.manual = true;
+  write_trace("sim", {record(TraceKind::truth, 100'000'000, 1, 0, 0, 0.5, 0.5),  // before the last take-off
+                      record(TraceKind::truth, 2'000'000'000, 1, 0, 0, 1.5, 2.1)});
+  EXPECT_EQ(read_results(files, options, run).drones.at(0).flown.size(), 2U);
+}
+
 TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
   fill();
   const json r = to_json(read_results(files, options, run));
@@ -200,6 +213,44 @@ TEST_F(RunDirectory, TheJsonObjectHasEveryFieldThatIsPromised) {
                                      {"late", 1},
                                      {"dropped", 2},
                                      {"reasons", {{"not_flying", 2}, {"too_old", 3}}}}));
+}
+
+TEST_F(RunDirectory, TheFaultsOfTheProxyAndTheShimAreInTheResults) {
+  fill();
+  EXPECT_FALSE(to_json(read_results(files, options, run))["asked"].contains("faults"));
+  options.proxy = true;
+  options.faults = "stall.toml";
+  write(files.summary("hil-proxy"), R"({"switched":[{"t_ns":2500000000,"command":"server * both stall"},{"t_ns":7}]})");
+  const Results results = read_results(files, options, run);
+  EXPECT_EQ(to_json(results)["asked"]["faults"],
+            (json{{"file", "stall.toml"}, {"switched", {{{"t_s", 1.5}, {"command", "server * both stall"}}}}}));
+  EXPECT_THAT(to_table(results), HasSubstr("  Faults:\n    of stall.toml\n    1.5 s: server * both stall\n"));
+  options.shim = true;
+  write(files.summary("sim"), R"({"switched":[{"t_ns":2000000000,"command":"sdk tello1 answers missing"}]})");
+  EXPECT_THAT(to_table(read_results(files, options, run)),
+              HasSubstr("    1.0 s: sdk tello1 answers missing\n    1.5 s: server * both stall\n"));
+  options.shim = false;
+  options.faults = "";
+  write(files.summary("hil-proxy"), R"({"switched":[]})");
+  EXPECT_THAT(to_table(read_results(files, options, run)), testing::Not(HasSubstr("Faults")));
+}
+
+TEST_F(RunDirectory, TheTableSaysWhenTheFailsafeActedAndWhoStoppedTheDrone) {
+  fill();
+  EXPECT_THAT(to_table(read_results(files, options, run)), testing::Not(HasSubstr("Failsafe and stops")));
+  std::vector<TraceRecord> modes;
+  for (const FailsafeMode mode : {FailsafeMode::none, FailsafeMode::land, FailsafeMode::land}) {
+    const auto count = static_cast<TimeNs>(modes.size());
+    modes.push_back(record(TraceKind::mode, (3'400 + 100 * count) * ns_per_ms, 1,
+                           static_cast<std::uint64_t>(FlightPhase::flying), 0,
+                           static_cast<double>(FailsafeCause::stopped)));
+    modes.back().extra = static_cast<std::uint32_t>(mode);
+  }
+  write_trace("link", modes);
+  write(files.summary("ground"), R"({"drones":[{"name":"tello1","why":"stopped by Org2MSP CN=alice"}]})");
+  EXPECT_THAT(to_table(read_results(files, options, run)),
+              HasSubstr("  Failsafe and stops:\n  tello1    2.5 s: land (stopped)\n"
+                        "  tello1    stopped by Org2MSP CN=alice\n"));
 }
 
 TEST_F(RunDirectory, ARunThatWentWrongSaysWhyAndNamesWhatIsMissing) {

@@ -32,14 +32,14 @@ class AStationsOptions : public testing::Test {
 
 TEST_F(AStationsOptions, NameTheStationAndItsToken) {
   environment = {{"LEDGERLINE_STATION", "http://127.0.0.1:1"}, {"LEDGERLINE_TOKEN_FILE", "env.token"}, {"HOME", "/h"}};
-  EXPECT_EQ(target()->place.at.port, 1);
+  EXPECT_EQ(target()->address.at.port, 1);
   EXPECT_EQ(target()->token_file, "env.token");
   options.config = config("[flight]\nwings = 2\n[service]\nlisten = \"127.0.0.1:2\"\ntoken_file = \"config.token\"\n");
-  EXPECT_EQ(target()->place.at.port, 2) << "what else is in the file is ground's to check";
+  EXPECT_EQ(target()->address.at.port, 2) << "what else is in the file is ground's to check";
   EXPECT_EQ(target()->token_file, "config.token");
   options.url = "http://127.0.0.1:3";
   options.token_file = "own.token";
-  EXPECT_EQ(target()->place.at.port, 3);
+  EXPECT_EQ(target()->address.at.port, 3);
   EXPECT_EQ(target()->token_file, "own.token");
 }
 
@@ -49,7 +49,7 @@ TEST_F(AStationsOptions, SayWhoseCertificateTheStationHas) {
       "tls_certificate = \"own.pem\"\ntls_key = \"own.key\"\n";
   options.config = config(secure);
   ASSERT_TRUE(target()) << target().error().message;
-  EXPECT_EQ(text_of(target()->place), "a.example:2");
+  EXPECT_EQ(text_of(target()->address), "a.example:2");
   EXPECT_EQ(target()->tls.authority, "own.pem") << "who reads the config need not give it";
   EXPECT_EQ(target()->tls.certificate, "") << "that is the station's";
   environment["LEDGERLINE_CA"] = "env.pem";
@@ -65,6 +65,19 @@ TEST_F(AStationsOptions, AreAskedForWhereTheyLack) {
   EXPECT_THAT(target().error().message, HasSubstr("LEDGERLINE_STATION"));
   options.url = "http://127.0.0.1:3";
   EXPECT_THAT(target().error().message, HasSubstr("LEDGERLINE_TOKEN_FILE"));
+}
+
+TEST_F(AStationsOptions, FindTheFlightOfThisUserWhereNothingNamesAStation) {
+  environment["XDG_RUNTIME_DIR"] = directory.path;
+  const std::string link = directory.path + "/ledgerline/flight.toml";
+  ASSERT_TRUE(write_file(link, "[service]\nlisten = \"127.0.0.1:4\"\ntoken_file = \"flight.token\"\n"));
+  EXPECT_EQ(target()->address.at.port, 4);
+  EXPECT_EQ(target()->token_file, "flight.token");
+  EXPECT_THAT(open(*target()).error().message, HasSubstr(link + " names it")) << "its run's folder was removed";
+  environment["LEDGERLINE_STATION"] = "http://127.0.0.1:5";
+  environment["LEDGERLINE_TOKEN_FILE"] = "env.token";
+  EXPECT_EQ(target()->address.at.port, 5);
+  EXPECT_EQ(target()->hint, "");
 }
 
 TEST_F(AStationsOptions, CannotKnowAPortThatGroundChooses) {
@@ -89,7 +102,7 @@ TEST_F(AStationsOptions, KeepASessionForEachStation) {
 }
 
 TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
-  Target target{.place = {{"127.0.0.1", 1}}, .token_file = directory.path + "/token", .session_file = {}};
+  Target target{.address = {{"127.0.0.1", 1}}, .token_file = directory.path + "/token", .session_file = {}};
   EXPECT_FALSE(open(target));
   ASSERT_TRUE(write_file(target.token_file, std::string(64, 'a') + "\n", 0644));
   EXPECT_THAT(open(target).error().message, HasSubstr("chmod 600"));
@@ -102,7 +115,7 @@ TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
 }
 
 TEST_F(AStationsOptions, AreNotStoppedByASessionThatCannotBeRead) {
-  Target target{.place = {{"127.0.0.1", 1}},
+  Target target{.address = {{"127.0.0.1", 1}},
                 .token_file = directory.path + "/token",
                 .session_file = directory.path + "/session",
                 .session_named = true};

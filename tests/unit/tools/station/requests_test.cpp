@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "ground/service/core/api.hpp"
+#include "ground/service/missions/approvals.hpp"
 
 namespace ledgerline::station {
 namespace {
@@ -106,6 +107,27 @@ TEST(AMissionToAdd, IsJsonOrCsvByItsName) {
   EXPECT_THAT(mission_to_add("two.csv", std::string(4'194'305, '1'), "").error().message, HasSubstr("4194304 may be"));
 }
 
+TEST(AMissionsDigest, IsThatOfTheStationAndOfTheApprovalOnTheLedger) {
+  const auto mission = mission_from("some/two.csv", one_waypoint, "");
+  ASSERT_TRUE(mission);
+  const crypto::Digest digest = ground::mission::digest(*mission);
+  const auto alone = digests_of(*mission, "", 0, 86'400);
+  ASSERT_TRUE(alone);
+  EXPECT_TRUE(alone->name == "two" && alone->digest == crypto::hex(digest) && alone->words.empty());
+  for (const std::int64_t lasts_s : {86'400, 3'601}) {  // the odd one, too: half of it is cut
+    const ground::service::ApprovalTerms terms({"Org2MSP", "CN=station"}, lasts_s);
+    const std::int64_t given_s = 1'700'000'000, until_s = (terms.period(given_s) + 2) * (lasts_s / 2);
+    const auto approval = digests_of(*mission, "Org2MSP CN=station", until_s, lasts_s);
+    ASSERT_TRUE(approval) << approval.error().message;
+    EXPECT_EQ(approval->words, terms.approval_words("two", given_s));
+    EXPECT_EQ(approval->approval, crypto::hex(terms.now(digest, given_s).front().approval));
+    EXPECT_EQ(approval->withdrawal, crypto::hex(terms.now(digest, given_s).front().withdrawal));
+    EXPECT_THAT(digests_of(*mission, "Org2MSP CN=station", until_s + 1, lasts_s).error().message, HasSubstr("--until"));
+  }
+  EXPECT_THAT(digests_of(*mission, "station", 86'400, 86'400).error().message, HasSubstr("--ground"));
+  EXPECT_THAT(mission_from("two.json", "{}", "").error().message, testing::StartsWith("two.json: "));
+}
+
 TEST(AnAnswer, IsARefusalInTheStationsWords) {
   EXPECT_TRUE(check_answer({202, R"({"accepted":true})"}));
   EXPECT_EQ(check_answer({409, R"({"error":"it is flown"})"}).error().message, "the station answers 409: it is flown");
@@ -126,38 +148,39 @@ TEST(ASession, IsTakenFromTheAnswerAlone) {
   EXPECT_FALSE(signed_in_as("{}"));
 }
 
-TEST(APlace, WithoutTlsIsThisComputerAlone) {
-  EXPECT_EQ(text_of(*place_from_url("http://127.0.0.1:8800")), "127.0.0.1:8800");
-  EXPECT_EQ(text_of(*place_from_url("http://localhost:80/")), "127.0.0.1:80");
-  EXPECT_EQ(text_of(*place_from_url("http://[::1]:80/")), "[::1]:80");
+TEST(StationAddress, WithoutTlsIsThisComputerAlone) {
+  EXPECT_EQ(text_of(*address_from_url("http://127.0.0.1:8800")), "127.0.0.1:8800");
+  EXPECT_EQ(text_of(*address_from_url("http://localhost:80/")), "127.0.0.1:80");
+  EXPECT_EQ(text_of(*address_from_url("http://[::1]:80/")), "[::1]:80");
   for (const char* wrong : {"127.0.0.1:8800", "ftp://127.0.0.1:8800", "http://10.0.0.1:8800", "http://a.example:80",
                             "http://127.0.0.1", "http://127.0.0.1:0", "http://127.0.0.1:65536", "http://127.0.0.1:8x",
                             "http://127.0.0.1:80/api", "http://127.0.0.1@evil.example:80", ""})
-    EXPECT_FALSE(place_from_url(wrong)) << wrong;
-  EXPECT_THAT(place_from_url("http://10.0.0.1:8800").error().message, HasSubstr("https://"));
+    EXPECT_FALSE(address_from_url(wrong)) << wrong;
+  EXPECT_THAT(address_from_url("http://10.0.0.1:8800").error().message, HasSubstr("https://"));
 }
 
-TEST(APlace, WithTlsIsAnyHost) {
+TEST(StationAddress, WithTlsIsAnyHost) {
   for (const char* host : {"ground.example.org:8800", "10.0.0.1:443", "[fd00::7]:8800", "localhost:8800"}) {
-    const auto place = place_from_url(std::string("https://") + host);
-    ASSERT_TRUE(place) << place.error().message;
-    EXPECT_TRUE(place->tls);
-    EXPECT_EQ(text_of(*place), host);
+    const auto address = address_from_url(std::string("https://") + host);
+    ASSERT_TRUE(address) << address.error().message;
+    EXPECT_TRUE(address->tls);
+    EXPECT_EQ(text_of(*address), host);
   }
   for (const char* wrong : {"https://ground.example.org", "https://ground.example.org:0", "https://:8800",
                             "https://a.example:80/api", "https://evil.example:80@a.example:80"})
-    EXPECT_FALSE(place_from_url(wrong)) << wrong;
+    EXPECT_FALSE(address_from_url(wrong)) << wrong;
 }
 
-TEST(APlace, ThatIsThePagesAddressDoesNotShowItsTokenInTheError) {
+TEST(StationAddress, ThatIsThePagesAddressDoesNotShowItsTokenInTheError) {
   const std::string token(64, 'a');
-  EXPECT_THAT(place_from_url("http://127.0.0.1:8800/#token=" + token).error().message, testing::Not(HasSubstr(token)));
+  EXPECT_THAT(address_from_url("http://127.0.0.1:8800/#token=" + token).error().message,
+              testing::Not(HasSubstr(token)));
 }
 
-TEST(APlace, OfAConfigIsItsFirstNameOrWhatItListensOn) {
-  EXPECT_EQ(text_of(*place_from_service({.listen = "127.0.0.1:8800"})), "127.0.0.1:8800");
-  EXPECT_THAT(place_from_service({.listen = "127.0.0.1:0"}).error().message, HasSubstr("port 0"));
-  const auto secure = place_from_service({.listen = "0.0.0.0:8800", .tls = {"c", "k", ""}, .names = {"a.b", "c.d"}});
+TEST(StationAddress, OfAConfigIsItsFirstNameOrWhatItListensOn) {
+  EXPECT_EQ(text_of(*address_from_service({.listen = "127.0.0.1:8800"})), "127.0.0.1:8800");
+  EXPECT_THAT(address_from_service({.listen = "127.0.0.1:0"}).error().message, HasSubstr("port 0"));
+  const auto secure = address_from_service({.listen = "0.0.0.0:8800", .tls = {"c", "k", ""}, .names = {"a.b", "c.d"}});
   EXPECT_EQ(text_of(*secure), "a.b:8800");
   EXPECT_TRUE(secure->tls);
 }

@@ -49,6 +49,15 @@ TEST(ATable, HasColumnsAsWideAsWhatIsInThem) {
   EXPECT_EQ(aligned({{"a", "b", "c"}, {"long", "µ", "x"}, {"m", "yy", ""}}), "a     b   c\nlong  µ   x\nm     yy  \n");
 }
 
+TEST(AMission, IsFoundByItsDigest) {
+  const auto found = mission_with(missions({mission_json("checked")}), "77");
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*mission_text(*found), *mission_text(mission_json("checked").dump()));
+  EXPECT_EQ(json::parse(digests_json({"survey", "77", {}, {}, {}}, *found))["at_station"]["id"], "3f5a9c01d2e4");
+  EXPECT_EQ(*mission_with(missions({mission_json("checked")}), "78"), "");
+  EXPECT_FALSE(mission_with("{}", "77"));
+}
+
 TEST(Waiting, EndsWhenAllThatWereNamedAreWhereTheVerbBringsThem) {
   json landed = drone("tello2", "waiting");
   landed["link_phase"] = "on_ground";
@@ -90,15 +99,18 @@ TEST(TheTableOfDrones, SaysWhatIsKnownOfEach) {
   for (const char* key : {"battery_percent", "state_age_ms", "position"}) unknown[key] = nullptr;
   unknown["has_state"] = false;
   unknown["lease"]["holder"] = "";
-  const auto rows = drone_rows(drones({drone("tello1", "path"), held, unknown}));
+  json waiting = drone("tello4", "waiting");
+  waiting["link_phase"] = "on_ground";
+  const auto rows = drone_rows(drones({drone("tello1", "path"), held, unknown, waiting}));
   ASSERT_TRUE(rows) << rows.error().message;
-  ASSERT_EQ(rows->size(), 4U);
+  ASSERT_EQ(rows->size(), 5U);
   EXPECT_THAT((*rows)[1],
               ElementsAre("tello1", "path (flying)", "-", "87 %", "42 ms", "1.0 0.0 1.3", "Org2MSP CN=alice", "-"));
   EXPECT_EQ((*rows)[2][1], "manual, paused (flying)");
   EXPECT_EQ((*rows)[2][2], "hold (no new command)");
   EXPECT_EQ((*rows)[2][7], "Org1MSP CN=eve");
   EXPECT_THAT((*rows)[3], ElementsAre("tello3", "waiting (not heard)", "-", "-", "-", "-", "-", "-"));
+  EXPECT_EQ((*rows)[4][1], "waiting") << "on the ground, as everyone who waits";
 }
 
 TEST(TheTableOfDrones, IsTheSameUntilMoreThanAgesChange) {

@@ -24,7 +24,7 @@ double radians(float deg) { return static_cast<double>(deg) * std::numbers::pi /
 struct Flown {
   int channel = 0;
   Stretch stretch;
-  std::vector<const StateSample*> states;
+  std::vector<const TelloStateSample*> states;
   std::vector<const PoseSample*> poses;
 };
 
@@ -39,7 +39,7 @@ class Times {
 
 std::vector<Flown> blocks_of(const Record& record, const Times& times) {
   std::vector<Flown> out;
-  for (const Block& block : record.blocks) {
+  for (const RcBlock& block : record.blocks) {
     Flown flown;
     flown.channel = block.channel;
     flown.stretch.end_s = times.s(block.end_ns);
@@ -47,7 +47,7 @@ std::vector<Flown> blocks_of(const Record& record, const Times& times) {
       if (sent.sent_ns >= block.begin_ns && sent.sent_ns < block.end_ns)
         flown.stretch.steps.push_back(
             {times.s(sent.sent_ns), sent.rc[static_cast<std::size_t>(block.channel)] / 100.0});
-    for (const StateSample& state : record.states)
+    for (const TelloStateSample& state : record.states)
       if (state.came_ns >= block.begin_ns && state.came_ns < block.end_ns) flown.states.push_back(&state);
     for (const PoseSample& pose : record.poses)
       if (pose.stamp_ns >= block.begin_ns && pose.stamp_ns < block.end_ns) flown.poses.push_back(&pose);
@@ -78,7 +78,7 @@ std::vector<Measured> posed(const Flown& flown, const Times& times, std::size_t 
 
 std::vector<Measured> reported_velocity(const Flown& flown, const Times& times, std::size_t axis) {
   std::vector<Measured> out;
-  for (const StateSample* sample : flown.states)
+  for (const TelloStateSample* sample : flown.states)
     if (sample->state.has_velocity)
       out.push_back({times.s(sample->came_ns), times.s(sample->came_ns),
                      static_cast<double>(sample->state.velocity_dmps[axis]) / 10});
@@ -92,16 +92,16 @@ std::vector<Measured> turning(const Flown& flown, const Times& times, bool poses
         flown.poses, pose_window_s, [&](const PoseSample& p) { return times.s(p.stamp_ns); },
         [&](const PoseSample& a, const PoseSample& b) { return std::remainder(b.yaw_rad - a.yaw_rad, whole); });
   return windows(
-      flown.states, yaw_window_s, [&](const StateSample& s) { return times.s(s.came_ns); },
-      [&](const StateSample& a, const StateSample& b) {
+      flown.states, yaw_window_s, [&](const TelloStateSample& s) { return times.s(s.came_ns); },
+      [&](const TelloStateSample& a, const TelloStateSample& b) {
         return std::remainder(radians(a.state.attitude_deg[2]) - radians(b.state.attitude_deg[2]), whole);
       });
 }
 
 std::vector<Measured> rising(const Flown& flown, const Times& times) {
   return windows(
-      flown.states, rise_window_s, [&](const StateSample& s) { return times.s(s.came_ns); },
-      [&](const StateSample& a, const StateSample& b) {
+      flown.states, rise_window_s, [&](const TelloStateSample& s) { return times.s(s.came_ns); },
+      [&](const TelloStateSample& a, const TelloStateSample& b) {
         return static_cast<double>(height_of(b.state) - height_of(a.state));
       });
 }
@@ -220,7 +220,7 @@ class Estimator {
       double product = 0, tilts = 0, changes = 0;
       for (const Flown* flown : of({channel})) {
         std::vector<Measured> around;
-        for (const StateSample* s : flown->states)
+        for (const TelloStateSample* s : flown->states)
           around.push_back({times_.s(s->came_ns) - tilt_window_s / 2, times_.s(s->came_ns) + tilt_window_s / 2, 0});
         const auto change = changes_of(flown->stretch, around, along_.lag_s, along_.dead_s);
         for (std::size_t i = 0; i < change.size(); ++i) {
@@ -246,7 +246,7 @@ class Estimator {
 
   static double heading_rad(const Flown& flown) {  // since power on
     std::vector<double> yaws;
-    for (const StateSample* s : flown.states) yaws.push_back(-radians(s->state.attitude_deg[2]));
+    for (const TelloStateSample* s : flown.states) yaws.push_back(-radians(s->state.attitude_deg[2]));
     return mean_angle(yaws).value;
   }
 
@@ -313,7 +313,7 @@ class Estimator {
       VelocityBlock& block = out.emplace_back();
       for (const PoseSample* pose : flown->poses)
         block.positions.push_back({times_.s(pose->stamp_ns), {pose->position_m[0], pose->position_m[1]}});
-      for (const StateSample* text : flown->states)
+      for (const TelloStateSample* text : flown->states)
         if (text->state.has_velocity) block.reported.push_back({times_.s(text->came_ns), reported_mps(text->state)});
     }
     return out;

@@ -25,7 +25,7 @@ struct SentRc {
   link::Rc rc{};
 };
 
-struct StateSample {
+struct TelloStateSample {
   TimeNs came_ns = 0;
   link::TelloState state;
 };
@@ -37,16 +37,16 @@ struct PoseSample {
 };
 
 /// One channel of rc at work, between two hovers.
-struct Block {
+struct RcBlock {
   int channel = 0;  ///< of SentRc::rc
   TimeNs begin_ns = 0, end_ns = 0;
 };
 
 struct Record {
   std::vector<SentRc> sent_rc;  ///< of the blocks
-  std::vector<StateSample> states;
+  std::vector<TelloStateSample> states;
   std::vector<PoseSample> poses;  ///< none: flown without a pose source
-  std::vector<Block> blocks;
+  std::vector<RcBlock> blocks;
 };
 
 /// A value and its standard deviation.

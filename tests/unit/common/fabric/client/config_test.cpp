@@ -150,5 +150,16 @@ TEST_F(LedgerConfig, EveryServerMayHaveATlsPairAndANameOfItsOwn) {
   expect("endorser", client.endorsers.at(0).server_name, client.endorsers.at(0).tls_pair);
 }
 
+TEST_F(LedgerConfig, OfAProgramsWholeFileTheOtherTablesAreSkipped) {
+  const std::string file = dir_ + "/agent.toml";
+  const std::string whole = ledger() + msp() + "[agent]\nx = 1\n[[drone]]\nname = \"tello1\"\n";
+  std::ofstream(file) << whole;
+  EXPECT_EQ(load_ledger_config(file).value().endpoint, "127.0.0.1:7051");
+  std::ofstream(file) << whole + "[[orderers]]\nendpoint = \"x\"\n";
+  const auto misspelt = load_ledger_config(file);
+  ASSERT_FALSE(misspelt);
+  EXPECT_NE(misspelt.error().message.find("orderers"), std::string::npos) << misspelt.error().message;
+}
+
 }  // namespace
 }  // namespace ledgerline::fabric

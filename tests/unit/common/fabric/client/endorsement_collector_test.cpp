@@ -23,7 +23,7 @@ EndorsementCollector gathering(const std::vector<EndorsementCollector::Answer>& 
 
 TEST(EndorsementCollector, WaitsForAllUntilItIsLateAndGoesWithTwo) {
   const EndorsementCollector two = gathering({endorsed("Org1MSP"), endorsed("Org2MSP")});
-  EXPECT_EQ(two.next(false), Step::wait) << "the third may be the keys' keeper";
+  EXPECT_EQ(two.next(false), Step::wait) << "the third may be the keys' owner";
   EXPECT_EQ(two.next(true), Step::send);
   EXPECT_EQ(two.best().size(), 2u);
   EXPECT_EQ(two.problem(), "Org3MSP: no answer in time");

@@ -128,7 +128,9 @@ TEST(Pipeline, RepeatingHasALimit) {
   EXPECT_EQ(outcome.kind, Kind::unavailable);
   EXPECT_NE(outcome.message.find("connection lost"), std::string::npos) << outcome.message;
   EXPECT_EQ(gateway.endorse_calls(), 5);
-  EXPECT_FALSE(client->evaluate({"get", {}}));
+  const auto evaluated = client->evaluate({"get", {}});
+  ASSERT_FALSE(evaluated);
+  EXPECT_EQ(evaluated.error().message, "ledger at " + gateway.client_config().endpoint + ": connection lost");
 }
 
 TEST(Pipeline, SubmitIsNeverRepeatedAndALostAnswerIsFoundOut) {

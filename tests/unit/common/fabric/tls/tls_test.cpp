@@ -115,6 +115,17 @@ TEST_F(ClientTls, TheServersNameMustBeInItsCertificate) {
   EXPECT_EQ(reached(server), "not reached");
 }
 
+TEST_F(ClientTls, APeerThatIsNotReachedIsNamedBeforeTheWordsOfGrpc) {
+  ClientConfig config;
+  config.endpoint = endpoint_;  // which wants a certificate
+  config.tls_ca_file = dir_ + "/two.pem";
+  config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+  const auto height = (*PeerQueries::create(std::move(config)))->height();
+  ASSERT_FALSE(height);
+  EXPECT_EQ(height.error().message.find(endpoint_ + " is not reached: is it up, and are endpoint, tls_ca"), 0U)
+      << height.error().message;
+}
+
 TEST_F(ClientTls, OneOfSeveralAuthoritiesSuffices) {
   auto server = here();
   server.tls_pair = pair();

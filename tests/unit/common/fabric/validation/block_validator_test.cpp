@@ -4,6 +4,8 @@
 #include <map>
 
 #include "common/base/random.hpp"
+#include "common/configtx.pb.h"
+#include "common/configuration.pb.h"
 #include "tests/unit/common/fabric/validation/signed_chain.hpp"
 
 /// Those who would like to add to a chain that is not theirs.
@@ -39,6 +41,30 @@ TEST_F(BlockValidatorTest, AConfigurationSaysWhenBlocksAreCutAndByWhosePolicy) {
   EXPECT_EQ(config.batching->max_messages, 1U);
   EXPECT_EQ(config.endorsement_words, "MAJORITY Endorsement");
   EXPECT_EQ(config.consensus, "ledgerline-node");
+}
+
+TEST_F(BlockValidatorTest, AConfigurationSaysWhereItsOrderersListen) {
+  common::Envelope envelope;
+  common::Payload payload;
+  common::ConfigEnvelope config;
+  ASSERT_TRUE(envelope.ParseFromString(chain_[0].data().data(0)) && payload.ParseFromString(envelope.payload()) &&
+              config.ParseFromString(payload.data()));
+  const auto addresses_with = [&](google::protobuf::Map<std::string, common::ConfigValue>* values, const char* key) {
+    common::OrdererAddresses addresses;
+    addresses.add_addresses("orderer:7050");
+    (*values)[key].set_value(addresses.SerializeAsString());
+    payload.set_data(config.SerializeAsString());
+    envelope.set_payload(payload.SerializeAsString());
+    common::Block block = chain_[0];
+    block.mutable_data()->set_data(0, envelope.SerializeAsString());
+    return read_channel_config(block).value().orderer_addresses;
+  };
+  const std::vector<std::string> one{"orderer:7050"};
+  common::ConfigGroup& channel = *config.mutable_config()->mutable_channel_group();
+  EXPECT_EQ(addresses_with(channel.mutable_values(), "OrdererAddresses"), one);
+  auto& organisations = *(*channel.mutable_groups())["Orderer"].mutable_groups();
+  EXPECT_EQ(addresses_with(organisations.begin()->second.mutable_values(), "Endpoints"), one)
+      << "not those of all, too";
 }
 
 TEST(GoDuration, IsReadAsConfigurationsHaveIt) {

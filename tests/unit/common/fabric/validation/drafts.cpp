@@ -388,24 +388,24 @@ void add_policies(std::vector<Kind>& out, const Cast& cast, Random& random) {
                    }});
   };
   const auto plain = [](Draft& d, const std::string& key) { write(d, key); };
-  own("a kept key by its keeper", {&cast.peers[0]}, plain);
+  own("a kept key by its owner", {&cast.peers[0]}, plain);
   own("a kept key by another", {&cast.peers[2]}, plain);
   own("a kept key by two others", {&cast.peers[1], &cast.peers[2]}, plain);
   own("a kept key deleted by another", {&cast.peers[1]}, [](Draft& d, const std::string& key) {
     d.set.add_writes()->set_key(key);
     d.set.mutable_writes(0)->set_is_delete(true);
   });
-  own("a kept key deleted by its keeper", {&cast.peers[0]}, [](Draft& d, const std::string& key) {
+  own("a kept key deleted by its owner", {&cast.peers[0]}, [](Draft& d, const std::string& key) {
     d.set.add_writes()->set_key(key);
     d.set.mutable_writes(0)->set_is_delete(true);
   });
   own("its policy replaced by another", {&cast.peers[1]},
       [](Draft& d, const std::string& key) { set_policy(d, key, "Org2MSP"); });
-  own("its policy replaced by its keeper", {&cast.peers[0]},
+  own("its policy replaced by its owner", {&cast.peers[0]},
       [](Draft& d, const std::string& key) { set_policy(d, key, "Org1MSP"); });
-  own("its policy taken away by its keeper", {&cast.peers[0]},
+  own("its policy taken away by its owner", {&cast.peers[0]},
       [](Draft& d, const std::string& key) { set_policy(d, key, ""); });
-  own("a kept key beside a free one, by its keeper", {&cast.peers[0]}, [](Draft& d, const std::string& key) {
+  own("a kept key beside a free one, by its owner", {&cast.peers[0]}, [](Draft& d, const std::string& key) {
     write(d, key);
     write(d, "draft/free/0");
   });

@@ -67,7 +67,7 @@ const std::map<std::string, Codes> expected{
     {"a kept key by two others", policy},
     {"a kept key deleted by another", policy},
     {"its policy replaced by another", policy},
-    {"a kept key beside a free one, by its keeper", policy},
+    {"a kept key beside a free one, by its owner", policy},
     {"a range without its last keys", {protos::PHANTOM_READ_CONFLICT}},
     {"a version that is not the newest", {protos::MVCC_READ_CONFLICT}},
     {"a version that never was", {protos::MVCC_READ_CONFLICT}},
@@ -112,9 +112,9 @@ TEST_F(TransactionValidation, WhatWasReadMustNotHaveChangedWithinTheBlockEither)
 
 TEST_F(TransactionValidation, AKeyWhosePolicyTheBlockHasSetIsWrittenByNobodyBehindIt) {
   random_ = Random(5);
-  const std::string sets = sealed("its policy replaced by its keeper");
+  const std::string sets = sealed("its policy replaced by its owner");
   random_ = Random(5);  // the same key
-  const std::string writes = sealed("a kept key by its keeper");
+  const std::string writes = sealed("a kept key by its owner");
   EXPECT_EQ(validate({sets, writes})[1].code, protos::ENDORSEMENT_POLICY_FAILURE);
   EXPECT_EQ(validate({writes})[0].code, protos::VALID);
 }
@@ -164,10 +164,10 @@ TEST_F(TransactionValidation, OnceEndorsementsAreEnoughNoFurtherOneIsVerified) {
   write(worthless, "draft/free/2");
   const auto verdicts = validate({three.seal(), own.seal(), late.seal(), worthless.seal()});
   for (const TransactionVerdict& one : verdicts) EXPECT_EQ(one.code, protos::VALID) << one.why;
-  EXPECT_EQ(verdicts[0].endorsement_fits, (std::vector<bool>{true, true}));
-  EXPECT_EQ(verdicts[1].endorsement_fits, (std::vector<bool>{true}));
-  EXPECT_EQ(verdicts[2].endorsement_fits, (std::vector<bool>{true, true, true}));
-  EXPECT_EQ(verdicts[3].endorsement_fits, (std::vector<bool>{false, true, true}));
+  EXPECT_EQ(verdicts[0].endorsements_verified, (std::vector<bool>{true, true}));
+  EXPECT_EQ(verdicts[1].endorsements_verified, (std::vector<bool>{true}));
+  EXPECT_EQ(verdicts[2].endorsements_verified, (std::vector<bool>{true, true, true}));
+  EXPECT_EQ(verdicts[3].endorsements_verified, (std::vector<bool>{false, true, true}));
 }
 
 TEST_F(TransactionValidation, AKeyWrittenTwiceAtOnceIsTakenAsFabricTakesIt) {

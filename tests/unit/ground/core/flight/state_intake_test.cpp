@@ -33,12 +33,12 @@ TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
   add_state(call, "tello1", sample(9, 2));
   add_state(call, "tello2", sample(9, 5));
   add_state(call, "tello7", sample(9, 6));
-  std::vector<DroneUpdate> news;
-  const auto states = w.intake.read(event("set", call.SerializeAsString()), 0, news);
+  std::vector<DroneUpdate> updates;
+  const auto states = w.intake.read(event("set", call.SerializeAsString()), 0, updates);
   ASSERT_EQ(states.size(), 2u);
   EXPECT_EQ(states[1].state.sequence, 2u);
-  ASSERT_EQ(news.size(), 1u);
-  EXPECT_EQ(news[0].drone, 0u);
+  ASSERT_EQ(updates.size(), 1u);
+  EXPECT_EQ(updates[0].drone, 0u);
 }
 
 TEST(StateIntake, AnotherBootIsNewAndASignOfLifeIsReported) {
@@ -53,7 +53,7 @@ TEST(StateIntake, AnotherBootIsNewAndASignOfLifeIsReported) {
 
 TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
   IntakeWorld w(1);
-  std::vector<DroneUpdate> news;
+  std::vector<DroneUpdate> updates;
   const auto take = [&](std::uint64_t sequence, TimeNs pose_stamp_ns, std::optional<float> charge) {
     SetCall call;
     call.set_stream(true);
@@ -71,7 +71,7 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
     add_state(call, "tello1", state);
     fabric::Transaction tx = event("set", call.SerializeAsString());
     tx.event_payload.clear();
-    const auto states = w.intake.read(tx, 0, news);
+    const auto states = w.intake.read(tx, 0, updates);
     EXPECT_EQ(states.size(), 1u);
     w.intake.accept(0, states.at(0).state, std::nullopt);
     return states.at(0).state;
@@ -83,14 +83,14 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
   EXPECT_EQ(third.pose_stamp_ns, ns_per_s - 5);
   EXPECT_EQ(third.position_m, (std::array<double, 3>{1, 2, 3}));
   EXPECT_EQ(take(4, 0, std::numeric_limits<float>::quiet_NaN()).battery, 0.75F) << "unknown says nothing";
-  EXPECT_EQ(news.size(), 4u);
-  EXPECT_TRUE(news[2].battery.empty());
+  EXPECT_EQ(updates.size(), 4u);
+  EXPECT_TRUE(updates[2].battery.empty());
 }
 
 TEST(StateIntake, WhatIsNoFrameIsCounted) {
   IntakeWorld w(1);
-  std::vector<DroneUpdate> news;
-  EXPECT_TRUE(w.intake.read(event("set", "\xff"), 0, news).empty());
+  std::vector<DroneUpdate> updates;
+  EXPECT_TRUE(w.intake.read(event("set", "\xff"), 0, updates).empty());
   EXPECT_EQ(w.counters.malformed, 1u);
 }
 

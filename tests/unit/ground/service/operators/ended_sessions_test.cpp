@@ -1,4 +1,4 @@
-#include "ground/service/operators/sign_ins.hpp"
+#include "ground/service/operators/ended_sessions.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -61,13 +61,23 @@ TEST(LeavingOperators, WhoSignsOutAgainLeavesFromThatMomentOn) {
   EXPECT_FALSE(leaving.step(EndedSessions::limit_ns, 0, flown).last);
 }
 
-TEST(LeavingOperators, HoldWhatTheLedgerSaysThatWeCommandForThem) {
-  FlightConfig config = config_for(3);
-  config.manual = true;
-  FlightWorld world(config);
+/// Of three drones alice holds two: tello1 we command for her, tello2 is commanded from elsewhere.
+class TwoDronesOfAlice : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_TRUE(world.core.set_control(delegated_record("tello1", alice.subject, 2).SerializeAsString()));
+    ASSERT_TRUE(world.core.set_control(control_record("tello2", alice, 2).SerializeAsString()));
+  }
+  static FlightConfig manual_config() {
+    FlightConfig config = config_for(3);
+    config.manual = true;
+    return config;
+  }
+  FlightWorld world{manual_config()};
   const crypto::IdentityName alice{operator_name.msp_id, "CN=alice"};
-  ASSERT_TRUE(world.core.set_control(delegated_record("tello1", alice.subject, 2).SerializeAsString()));
-  ASSERT_TRUE(world.core.set_control(control_record("tello2", alice, 2).SerializeAsString()));
+};
+
+TEST_F(TwoDronesOfAlice, HoldWhatTheLedgerSaysThatWeCommandForThem) {
   world.run(1);
   EXPECT_THAT(drones_held_by(world.core, alice).drones, ElementsAre(0))
       << "tello2 is hers, and commanded from elsewhere";
@@ -77,6 +87,19 @@ TEST(LeavingOperators, HoldWhatTheLedgerSaysThatWeCommandForThem) {
   world.run(1);
   EXPECT_THAT(drones_held_by(world.core, alice).aloft, ElementsAre(0));
   EXPECT_THAT(aloft_of(world.core), ElementsAre(0));
+}
+
+TEST_F(TwoDronesOfAlice, OfALeaseItIsKnownWhoHoldsItAndWhetherWeCommand) {
+  Control free = control_record("tello3", alice, 2);
+  free.clear_holder();
+  ASSERT_TRUE(world.core.set_control(free.SerializeAsString()));
+  const std::vector<LeaseState> leases = leases_of(world.core);
+  ASSERT_EQ(leases.size(), 3U);
+  EXPECT_TRUE(leases[0].ours && leases[0].holder == alice);
+  EXPECT_FALSE(leases[1].ours);
+  EXPECT_EQ(leases[1].words, "its lease is held by CN=alice");
+  EXPECT_FALSE(leases[2].ours || leases[2].holder);
+  EXPECT_EQ(leases[2].words, "nobody holds its lease");
 }
 
 TEST(LeavingOperators, WhatWasNeverSeenIsNotKnownToBeDown) {

@@ -38,15 +38,15 @@ TEST(OperatorSigning, ACallsOutcomeIsReportedInTheContractsWords) {
   const OperatorCall call{.kind = Kind::acquire, .drone = 0};
   fabric::Outcome outcome;
   outcome.kind = fabric::Outcome::Kind::committed;
-  EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control");
-  EXPECT_EQ(news_of("alice", call, outcome).level, Level::info);
+  EXPECT_EQ(update_of("alice", call, outcome).words, "alice: take control");
+  EXPECT_EQ(update_of("alice", call, outcome).level, Level::info);
   outcome = fabric::Outcome::failed(fabric::Outcome::Kind::unavailable, "nobody answers");
-  EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control: refused: nobody answers");
-  EXPECT_EQ(news_of("alice", call, outcome).level, Level::warning);
+  EXPECT_EQ(update_of("alice", call, outcome).words, "alice: take control: refused: nobody answers");
+  EXPECT_EQ(update_of("alice", call, outcome).level, Level::warning);
   outcome.refusal = fabric::ContractRefusal{};
   outcome.refusal->words = "its lease is held by bob";
-  EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control: refused: its lease is held by bob");
-  EXPECT_EQ(news_of("alice", call, std::string("the session is over")).words,
+  EXPECT_EQ(update_of("alice", call, outcome).words, "alice: take control: refused: its lease is held by bob");
+  EXPECT_EQ(update_of("alice", call, std::string("the session is over")).words,
             "alice: take control: not signed: the session is over");
 }
 

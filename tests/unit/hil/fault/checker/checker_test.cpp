@@ -42,10 +42,13 @@ class CheckedRun {
     std::map<std::string, TimeNs> all;
     ending.now = moment.now;
     for (const Verdict& verdict : checker_->finish(ending)) {
-      if (!verdict.held) all[verdict.rule.text] = verdict.broken_ns;
+      if (verdict.held) continue;
+      all[verdict.rule.text] = verdict.broken_ns;
+      seen[verdict.rule.text] = verdict.what;
     }
     return all;
   }
+  std::map<std::string, std::string> seen;  ///< of what broke, after broken()
 
   std::vector<DroneObservation> drones;
   std::vector<WorldEvent> events;
@@ -246,6 +249,38 @@ TEST(FaultChecker, ResumesCountsFromTheLastFaultsEnd) {
     run.drones[0].mode = again ? FailsafeMode::none : FailsafeMode::hold;
     run.pass(ns_per_s);
     EXPECT_EQ(run.broken().contains("resumes within 2 s"), !again);
+  }
+}
+
+TEST(FaultChecker, ABrokenTimeSaysWhatItCountsFromAndWhoHadLanded) {
+  for (const TimeNs more : {ns_per_s, 3 * ns_per_s}) {  // the run's end, or the time's
+    CheckedRun run("resumes within 2 s");
+    run.pass(ns_per_s);
+    run.drones[0].phase = FlightPhase::landed;
+    run.drones[0].truth = {};
+    run.pass(ns_per_s);
+    run.moment.last_fault_end_ns = run.moment.now;
+    run.pass(more);
+    (void)run.broken();
+    EXPECT_EQ(run.seen["resumes within 2 s"],
+              std::string("tello1: ") + (more > 2 * ns_per_s ? "not within 2 s" : "never") +
+                  ", counted from the last fault's end at 2.000 s; it had landed by then");
+  }
+  CheckedRun run("brakes within 1500 ms");
+  run.moment.first_fault_ns = ns_per_s;
+  run.pass(3 * ns_per_s);
+  (void)run.broken();
+  EXPECT_EQ(run.seen["brakes within 1500 ms"],
+            "tello1: not within 1.5 s, counted from the first fault's beginning at 1.000 s");
+}
+
+TEST(FaultChecker, WhatIsBarelyBeyondALimitIsToldFromIt) {
+  for (const auto& [off_m, said] : {std::pair{0.40003, "tello1: 0.40003 m"}, std::pair{0.5, "tello1: 0.500 m"}}) {
+    CheckedRun run("path within 0.4 m");
+    run.drones[0].off_path_m = off_m;
+    run.pass(ns_per_s);
+    (void)run.broken();
+    EXPECT_EQ(run.seen["path within 0.4 m"], said);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "hil/fault/report.hpp"
@@ -66,6 +67,21 @@ TEST(ResultsFile, WhatWasNotFlownIsInBothFilesAndIsNoRun) {
   EXPECT_EQ(all["not_flown"][1], (nlohmann::json{{"script", "b"}, {"error", false}, {"why", "real time alone"}}));
   EXPECT_EQ(parse_results(text, "r.json")->runs.size(), 1U);
   EXPECT_TRUE(nlohmann::json::parse(hil::json_text({held}, {hil::summary_of(held, "")}, {missing[1]}))["held"]);
+}
+
+TEST(ResultsFile, CountsByRuleAndHasALineOfCsvForEachRun) {
+  const std::vector<RunSummary> all{hil::summary_of(result_of("a", 1, false), ""),
+                                    hil::summary_of(result_of("a", 2, false), ""),
+                                    hil::summary_of(result_of("b", 1, true), "")};
+  EXPECT_EQ(by_rule_text(all), "  2 runs of 1 script broke: finishes\n");
+  EXPECT_EQ(by_rule_text({all[2]}), "");
+  const std::string csv = csv_text(all);
+  EXPECT_THAT(csv, testing::StartsWith("script,seed,mode,held,flown_s,broken,"));
+  EXPECT_THAT(csv, HasSubstr("\n\"a\",2,,false,0.000,\"finishes\","));
+  EXPECT_THAT(csv, HasSubstr("\n\"b\",1,,true,0.000,\"\","));
+  EXPECT_THAT(csv, HasSubstr(",0.1234567890123,"));
+  EXPECT_EQ(std::ranges::count(csv, '\n'), 4);
+  EXPECT_THAT(html_text({}, all), HasSubstr("\"scripts\":1"));
 }
 
 TEST(ResultsFile, SaysHowEachRunWasFlown) {

@@ -79,7 +79,12 @@ TEST(FaultKinds, TheNearestIsSuggested) {
   EXPECT_NE(error("sdk tello1 answers late").find("TIME of more than nothing"), std::string::npos);
   EXPECT_NE(error("sdk tello1 answers missing to rc").find("has no answer"), std::string::npos);
   EXPECT_NE(error("sdk tello1 states late 1s").find("states torn|stale|other"), std::string::npos);
-  EXPECT_NE(error("clouds").find("must begin with drone"), std::string::npos);
+  const std::string first =
+      "must begin with drone, sensor, mocap, wind, sdk, pads, ledger, operator, supervisor, outsider, administrator, "
+      "agent, "
+      "link, ground, clock, host";
+  EXPECT_EQ(error("clouds"), "\"clouds\": " + first);
+  EXPECT_EQ(error("hots suspend"), "\"hots suspend\": " + first + ": did you mean host?");
   EXPECT_NE(error("peer 1 kill").find("peer is not there in simulated time"), std::string::npos);
 }
 

@@ -1,10 +1,10 @@
-#include "hil/fault/real/real.hpp"
+#include "hil/fault/real/real_run.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "hil/fault/run/run.hpp"
-#include "hil/fault/script.hpp"
+#include "hil/fault/scenarios.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
+#include "hil/fault/random_script.hpp"
 #include "hil/fault/run/run.hpp"
-#include "hil/fault/script.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 
 namespace ledgerline::hil {

@@ -4,9 +4,9 @@
 #include <filesystem>
 
 #include "common/base/file.hpp"
+#include "hil/fault/random_script.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
-#include "hil/fault/script.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 
@@ -45,7 +45,7 @@ TEST(FaultRun, ABrokenRuleIsReportedWithItsMomentInEveryForm) {
   const std::string junit = junit_text({result}, {summary_of(result, "")});
   EXPECT_NE(junit.find("failures=\"1\""), std::string::npos);
   EXPECT_NE(junit.find("message=\"Not &lt;so&gt;\""), std::string::npos);
-  const std::string html = html_text({result});
+  const std::string html = html_text({result}, {summary_of(result, "")});
   EXPECT_NE(html.find("height below 0.5 m"), std::string::npos);
   EXPECT_EQ(html.find("Not <so>"), std::string::npos);
   EXPECT_EQ(html.find("@DATA@"), std::string::npos);

@@ -7,7 +7,7 @@
 #include "common/base/file.hpp"
 #include "common/base/random.hpp"
 #include "hil/netem/emulated_link.hpp"
-#include "hil/netem/recording/day.hpp"
+#include "hil/netem/recording/link_recording.hpp"
 #include "tests/unit/hil/netem/recording/captures.hpp"
 
 namespace ledgerline::hil {
@@ -81,7 +81,7 @@ TEST(Capture, OfSeveralDronesOneIsNamed) {
   EXPECT_EQ(link_of(*links, drone_address)->states.size(), 2U);
   EXPECT_THAT(link_of(*links, "").error().message, HasSubstr("192.168.10.9 (1 states)"));
   EXPECT_THAT(link_of(*links, "10.0.0.1").error().message, HasSubstr("no drone 10.0.0.1"));
-  EXPECT_THAT(read_day(file.path).error().message, HasSubstr("which drone is meant?"));
+  EXPECT_THAT(read_link_recording(file.path).error().message, HasSubstr("which drone is meant?"));
 }
 
 TEST(Capture, ReplayedByAnEmulatedLinkItHasTheSameLossesAndDelays) {
@@ -142,7 +142,7 @@ TEST(Capture, ATableOfItGivesTheSameDay) {
   ASSERT_TRUE(text.ok()) << text.error().message;
   EXPECT_THAT(*text, HasSubstr("# states of 192.168.10.1: 86 came, 14 missing, one every 100.0"));
   ASSERT_TRUE(write_file(table.path, *text));
-  const auto direct = read_day(file.path), by_table = read_day(table.path);
+  const auto direct = read_link_recording(file.path), by_table = read_link_recording(table.path);
   ASSERT_TRUE(direct.ok() && by_table.ok());
   ASSERT_EQ((*direct)->moments().size(), (*by_table)->moments().size());
   for (std::size_t i = 0; i < (*direct)->moments().size(); ++i) {
@@ -192,7 +192,7 @@ TEST(Capture, ReadsPcapng) {
   ASSERT_TRUE(write_file(file.path, block(0x0a0d0d0a, word(0x1a2b3c4d) + word(1) + word(~0U) + word(~0U)) +
                                         block(1, word(DLT_EN10MB) + word(65'535)) + packet(some_day_us) +
                                         packet(some_day_us + 100'000)));
-  const auto day = read_day(file.path);
+  const auto day = read_link_recording(file.path);
   ASSERT_TRUE(day.ok()) << day.error().message;
   EXPECT_EQ((*day)->moments().size(), 2U);
 }
@@ -246,7 +246,7 @@ TEST(Capture, ADamagedOneIsReadOrRefusedWithTheReason) {
     for (std::uint64_t k = random.next() % 8; k > 0 && !changed.empty(); --k)
       changed[random.next() % changed.size()] = static_cast<char>(random.next());
     ASSERT_TRUE(write_file(damaged.path, changed));
-    const auto day = read_day(damaged.path);
+    const auto day = read_link_recording(damaged.path);
     if (day) {
       ++read;
     } else {

@@ -46,15 +46,15 @@ Truth link(std::size_t states, double period_s, double jitter_s, double loss, st
   return truth;
 }
 
-void expect_same(const MeasuredDay& day, const Truth& truth) {
-  const auto played = RecordedDay::make(day.moments);
+void expect_same(const MeasuredLink& day, const Truth& truth) {
+  const auto played = LinkRecording::make(day.moments);
   ASSERT_TRUE(played.ok()) << played.error().message;
   ASSERT_EQ(day.came + day.missing, truth.said.size());
   for (std::size_t i = 0; i < truth.said.size(); ++i) {
-    const RecordedDay::Delivery fate = (*played)->at(truth.said[i] - truth.said[0]);
-    ASSERT_EQ(fate.lost, !truth.came[i]) << i;
-    if (!fate.lost) {
-      EXPECT_NEAR(to_ms(fate.delay_ns), to_ms(*truth.came[i] - truth.said[i]) - 3, 1) << i;
+    const LinkRecording::Delivery delivery = (*played)->at(truth.said[i] - truth.said[0]);
+    ASSERT_EQ(delivery.lost, !truth.came[i]) << i;
+    if (!delivery.lost) {
+      EXPECT_NEAR(to_ms(delivery.delay_ns), to_ms(*truth.came[i] - truth.said[i]) - 3, 1) << i;
     }
   }
 }
@@ -62,7 +62,7 @@ void expect_same(const MeasuredDay& day, const Truth& truth) {
 TEST(StatesDay, FindsJitterLossesAndStalls) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const Truth truth = link(600, 0.1, 0.004, 0.05, seed);
-    const auto day = day_of_states(truth.arrivals());
+    const auto day = recording_of_states(truth.arrivals());
     ASSERT_TRUE(day.ok()) << day.error().message;
     expect_same(*day, truth);
     if (HasFailure()) FAIL() << "seed " << seed;
@@ -72,7 +72,7 @@ TEST(StatesDay, FindsJitterLossesAndStalls) {
 TEST(StatesDay, FollowsADroneWhoseClockIsWrong) {
   for (const double period_s : {0.0998, 0.09999, 0.10003, 0.101}) {
     const Truth truth = link(10'000, period_s, 0.01, 0.02, 3);
-    const auto day = day_of_states(truth.arrivals());
+    const auto day = recording_of_states(truth.arrivals());
     ASSERT_TRUE(day.ok()) << day.error().message;
     EXPECT_NEAR(day->period_s, period_s, 1e-6);
     expect_same(*day, truth);
@@ -84,12 +84,12 @@ TEST(StatesDay, APauseIsOneLossAndANewSchedule) {
   std::vector<TimeNs> arrivals;
   for (int i = 0; i < 50; ++i) arrivals.push_back(i * 100 * ms);
   for (int i = 0; i < 50; ++i) arrivals.push_back(20'033 * ms + i * 100 * ms);
-  const auto day = day_of_states(arrivals);
+  const auto day = recording_of_states(arrivals);
   ASSERT_TRUE(day.ok()) << day.error().message;
   ASSERT_EQ(day->moments.size(), 102U);
-  EXPECT_EQ(day->moments[50], (DayMoment{4'950 * ms, 0, true}));
-  EXPECT_EQ(day->moments[51], (DayMoment{19'983 * ms, 0, false}));
-  EXPECT_EQ(day->moments[52], (DayMoment{20'033 * ms, 0, false}));
+  EXPECT_EQ(day->moments[50], (RecordedDelay{4'950 * ms, 0, true}));
+  EXPECT_EQ(day->moments[51], (RecordedDelay{19'983 * ms, 0, false}));
+  EXPECT_EQ(day->moments[52], (RecordedDelay{20'033 * ms, 0, false}));
   EXPECT_EQ(day->came, 100U);
 }
 
@@ -97,7 +97,7 @@ TEST(StatesDay, RefusesWhatIsNoTellosState) {
   const auto why = [](TimeNs period, std::size_t count) {
     std::vector<TimeNs> arrivals;
     for (std::size_t i = 0; i < count; ++i) arrivals.push_back(static_cast<TimeNs>(i) * period);
-    const auto day = day_of_states(arrivals);
+    const auto day = recording_of_states(arrivals);
     return day ? std::string() : day.error().message;
   };
   EXPECT_THAT(why(100 * ms, 0), HasSubstr("at least two"));
@@ -109,13 +109,13 @@ TEST(StatesDay, RefusesWhatIsNoTellosState) {
 
 TEST(AnswersDay, EachWayHasHalf) {
   const std::vector<RequestTime> asked{{1'000 * ms, 1'030 * ms}, {2'000 * ms, std::nullopt}, {5'000 * ms, 5'010 * ms}};
-  const auto day = day_of_answers(asked);
+  const auto day = recording_of_answers(asked);
   ASSERT_TRUE(day.ok()) << day.error().message;
-  const std::vector<DayMoment> wanted{{0, 15 * ms, false}, {1'000 * ms, 0, true}, {4'000 * ms, 5 * ms, false}};
+  const std::vector<RecordedDelay> wanted{{0, 15 * ms, false}, {1'000 * ms, 0, true}, {4'000 * ms, 5 * ms, false}};
   EXPECT_EQ(day->moments, wanted);
   EXPECT_EQ(day->missing, 1U);
-  EXPECT_FALSE(day_of_answers(std::span(asked).first(1)));
-  EXPECT_FALSE(day_of_answers({}));
+  EXPECT_FALSE(recording_of_answers(std::span(asked).first(1)));
+  EXPECT_FALSE(recording_of_answers({}));
 }
 
 }  // namespace

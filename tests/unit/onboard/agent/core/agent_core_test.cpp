@@ -53,7 +53,7 @@ class AgentCoreTest : public ::testing::Test {
   void commit(TimeNs now) {
     fabric::Outcome outcome;
     outcome.kind = Kind::committed;
-    core_.on_outcome(now, out_.submits.back().frame, outcome, out_);
+    core_.on_outcome(now, out_.submits.back().call_number, outcome, out_);
   }
 
   void hear_poses(TimeNs now) {
@@ -100,7 +100,7 @@ TEST_F(AgentCoreTest, EveryPlaceThatASampleComesByIsInTheTrace) {
   outcome.kind = Kind::committed;
   outcome.endorsed_ns = start + 2;
   outcome.ordered_ns = start + 3;
-  core_.on_outcome(start + 4, out_.submits[0].frame, outcome, out_);
+  core_.on_outcome(start + 4, out_.submits[0].call_number, outcome, out_);
   auto block = ledger_.block({command(1, start - 1)});
   block.received_ns = start + 5;
   core_.on_block(start + 6, block, out_);
@@ -115,11 +115,11 @@ TEST_F(AgentCoreTest, EveryPlaceThatASampleComesByIsInTheTrace) {
     EXPECT_EQ(it->stamp_ns, stamp_ns);
     EXPECT_EQ(it->extra, extra);
   };
-  const auto frame = out_.submits[0].frame;
+  constexpr std::uint64_t batch = 1;
   expect(TraceKind::state_taken, start, 7, start - 1);
-  expect(TraceKind::state_batched, start + 1, 7, start - 1, static_cast<std::uint32_t>(frame));
-  expect(TraceKind::call_endorsed, start + 2, frame, start + 1);
-  expect(TraceKind::call_ordered, start + 3, frame, start + 1);
+  expect(TraceKind::state_batched, start + 1, 7, start - 1, batch);
+  expect(TraceKind::call_endorsed, start + 2, batch, start + 1);
+  expect(TraceKind::call_ordered, start + 3, batch, start + 1);
   expect(TraceKind::command_in_block, start + 5, 1, start - 1);
   expect(TraceKind::command_taken, start + 6, 1, start - 1);
   expect(TraceKind::command_verified, start + 7, 1, start - 1);
@@ -203,7 +203,7 @@ TEST_F(AgentCoreTest, AStopInABlockIsAppliedUntilTheLedgerHasIt) {
   fabric::Outcome lost;
   lost.kind = Kind::invalidated;
   lost.code = 12;
-  core_.on_outcome(start, out_.submits.back().frame, lost, out_);
+  core_.on_outcome(start, out_.submits.back().call_number, lost, out_);
   for (TimeNs now = start; now < start + ns_per_s && out_.submits.size() == 1; now += ns_per_ms) core_.step(now, out_);
   ASSERT_EQ(out_.submits.size(), 2U) << "another stop overtook it";
   commit(start + ns_per_s);
@@ -219,12 +219,12 @@ TEST_F(AgentCoreTest, AFrameThatLacksEndorsementsHasTheRecordsRenewed) {
   fabric::Outcome outcome;
   outcome.kind = Kind::invalidated;
   outcome.code = 11;
-  core_.on_outcome(start + ns_per_ms, out_.submits.back().frame, outcome, out_);
+  core_.on_outcome(start + ns_per_ms, out_.submits.back().call_number, outcome, out_);
   EXPECT_FALSE(core_.stop_applier().pending()) << "it has read what changed: the next one reads it again";
   core_.on_state(start + 50 * ns_per_ms, state(2, start + 50 * ns_per_ms), out_);
   core_.step(start + 50 * ns_per_ms, out_);
   outcome.code = 10;
-  core_.on_outcome(start + 51 * ns_per_ms, out_.submits.back().frame, outcome, out_);
+  core_.on_outcome(start + 51 * ns_per_ms, out_.submits.back().call_number, outcome, out_);
   out_.submits.clear();
   core_.step(start + 52 * ns_per_ms, out_);
   const auto calls = std::count_if(out_.submits.begin(), out_.submits.end(),
@@ -247,10 +247,10 @@ class IdleHolderTest : public AgentCoreTest {
         fabric::Outcome outcome;
         outcome.kind = Kind::committed;
         if (submit.call.function == "evict") {
-          eviction_ = submit.frame;
+          eviction_ = submit.call_number;
           ++evictions;
         } else {
-          core_.on_outcome(now_, submit.frame, outcome, out_);
+          core_.on_outcome(now_, submit.call_number, outcome, out_);
         }
       }
     }
@@ -422,7 +422,7 @@ TEST_F(AgentCoreTest, FramesThatFailDoNotKeepASilentLedgerAlive) {
     core_.on_state(now, state(k, now), out_);
     out_.submits.clear();
     core_.step(now, out_);
-    if (!out_.submits.empty()) core_.on_outcome(now, out_.submits.back().frame, {}, out_);
+    if (!out_.submits.empty()) core_.on_outcome(now, out_.submits.back().call_number, {}, out_);
   }
   EXPECT_FALSE(core_.ledger_alive(now));
 }
@@ -471,7 +471,7 @@ TEST_F(AgentCoreTest, TheSameInputsGiveTheSameBytes) {
         bytes += submit.call.args.at(0);
         fabric::Outcome outcome;
         outcome.kind = static_cast<Kind>(random.next() % 5);
-        core.on_outcome(now, submit.frame, outcome, out);
+        core.on_outcome(now, submit.call_number, outcome, out);
       }
     }
     return bytes;

@@ -174,7 +174,7 @@ TEST_F(IntegrityInCore, EachReasonIsReportedToLinkInTheLogAndOnTheLedger) {
 TEST_F(IntegrityInCore, AnAlarmThatIsCommittedIsASignOfLifeAndItsEndFollows) {
   core_.on_violation(start, IntegrityViolation::stream, "x");
   ASSERT_TRUE(untrusted(start));
-  const auto number = out_.submits.at(0).frame;
+  const auto number = out_.submits.at(0).call_number;
   EXPECT_TRUE(core_.has_calls_in_flight());
   fabric::Outcome outcome;
   outcome.kind = Kind::committed;

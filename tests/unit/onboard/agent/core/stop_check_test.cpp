@@ -144,7 +144,7 @@ TEST_F(StopCheckTest, OfARefusedBlockAForgedStopOrOneByNobodyWhoMayIsNone) {
   Tx forged = stop(guard);
   forged.spoil.creator_signature = true;
   fabric::Block block = ledger_.block({forged, stop(peer3)});
-  for (fabric::Transaction& tx : block.transactions) tx.creator_fits = true;  // as the reader found
+  for (fabric::Transaction& tx : block.transactions) tx.signature_verified = true;  // as the reader found
   EXPECT_TRUE(check_->check_refused(now, block).plans.empty());
   EXPECT_FALSE(is_stopped_now());
 }

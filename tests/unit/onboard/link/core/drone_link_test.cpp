@@ -128,7 +128,7 @@ TEST_F(DroneLinkTest, AStopLandsAndATakeOffFromAnOlderStateIsTooOld) {
   EXPECT_EQ(drone.mode(), FailsafeMode::land);
   EXPECT_EQ(heard.back(), "land");
   pass(2 * ns_per_s);
-  ASSERT_FALSE(drone.session().may_fly());
+  ASSERT_FALSE(drone.session().is_possibly_in_flight());
   again.sequence = ++sequence;
   drone.on_plan(at(), again);
   EXPECT_EQ(dropped(drone.report().plans, DropReason::too_old), 1U);

@@ -190,7 +190,7 @@ class Search {
     FailsafeInputs f;
     f.phase = static_cast<FlightPhase>(s.phase);
     f.may_be_airborne = s.lost >= 0;
-    f.blind = s.lost >= handshakes;
+    f.contact_lost = s.lost >= handshakes;
     f.plan_valid = input.plan;
     f.covered_until_ns = f.flying_since_ns = now - s.uncovered * step_ns;
     f.heartbeat_ns = now - s.heartbeat * step_ns;
@@ -290,7 +290,7 @@ class Search {
       }
       case FailsafeMode::land:
       case FailsafeMode::cut:
-        return !in_flight(f.phase);
+        return !is_in_flight(f.phase);
     }
     return false;
   }
@@ -310,13 +310,13 @@ class Search {
     if (next.mode == FailsafeMode::cut && !f.cut && !f.overturned && last.mode != FailsafeMode::cut)
       fail("a cut nobody asked for");
     if ((f.stop || f.battery <= settings_.battery_critical) && !down) fail("a stop or an empty battery does not land");
-    if (f.overturned && in_flight(f.phase) && next.mode != FailsafeMode::cut) fail("overturned, and its motors run");
-    if (f.tilted && in_flight(f.phase) && !down) fail("it is tilted, and is not landed");
+    if (f.overturned && is_in_flight(f.phase) && next.mode != FailsafeMode::cut) fail("overturned, and its motors run");
+    if (f.tilted && is_in_flight(f.phase) && !down) fail("it is tilted, and is not landed");
     if (f.motion_differs && f.phase == FlightPhase::flying && !down) fail("it moves otherwise, and is not landed");
     if (s.dark >= dark_lands && !down) fail("it sees nothing, and is not landed");
     if (f.sources_unresolved && f.phase == FlightPhase::flying && !down)
       fail("nothing to fly by, and it is not landed");
-    if (f.blind && !down) fail("it may be airborne without state, and is not landed");
+    if (f.contact_lost && !down) fail("it may be airborne without state, and is not landed");
     if (f.ledger_untrusted && settings_.on_untrusted_ledger == OnUntrustedLedger::land && !down)
       fail("the ledger is not trusted, and it is not landed");
     if (f.phase != FlightPhase::flying) return;

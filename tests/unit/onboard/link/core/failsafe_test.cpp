@@ -376,10 +376,10 @@ TEST_F(FailsafeTest, FS13ADroneThatMayBeAirborneIsLandedWhenItsHandshakesFailed)
   states = false;
   pass(3 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::state_stale);
-  inputs.blind = true;
+  inputs.contact_lost = true;
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::state_stale);
-  inputs.blind = false;  // it is seen again, in the air
+  inputs.contact_lost = false;  // it is seen again, in the air
   inputs.may_be_airborne = false;
   inputs.phase = FlightPhase::landing;
   states = true;

@@ -113,7 +113,7 @@ TEST_P(FiveDrones, AreMeasuredByPoses) {
     const auto c = estimate(record);
     ASSERT_TRUE(c) << seed << ": " << c.error().message;
     SCOPED_TRACE(seed);
-    for (StateSample& text : record.states) text.state.velocity_dmps = {};
+    for (TelloStateSample& text : record.states) text.state.velocity_dmps = {};
     EXPECT_FALSE(estimate(record)) << "of a flow that sees nothing no frame is known";
     expect_near(*c, 0.03, 0.020);
     ASSERT_TRUE(c->nose_rad && c->power_on_rad);

@@ -88,7 +88,7 @@ TEST_F(AlarmSenderTest, ADroneWhoseAlarmIsRefusedDoesNotSilenceTheOther) {
   EXPECT_EQ(call(2 * ns_per_s + AlarmSender::gap_ns - 1), 1U) << "the other one's: it is over";
   end(2 * ns_per_s + AlarmSender::gap_ns - 1, Kind::committed);
   EXPECT_EQ(call(2 * ns_per_s + AlarmSender::gap_ns), 1U) << "and then tries again";
-  EXPECT_FALSE(sender_.finished(0, 5, ended(Kind::committed))) << "none of ours";
+  EXPECT_FALSE(sender_.finished(0, 6, ended(Kind::committed))) << "none of ours";
 }
 
 }  // namespace

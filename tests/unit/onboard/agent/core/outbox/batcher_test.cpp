@@ -37,9 +37,9 @@ const std::vector<DroneName> three = {{1, "tello1"}, {2, "tello2"}, {3, "tello3"
 TEST(Batcher, TheNewestSampleOfEachDroneRidesInOneFrame) {
   Batcher batcher({}, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
-  const auto frame = batcher.next(0);
-  ASSERT_TRUE(frame);
-  EXPECT_EQ(frame->samples.size(), 3U);
+  const auto batch = batcher.next(0);
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->samples.size(), 3U);
 }
 
 TEST(Batcher, OneFrameIsInFlightWhereThatIsCommittedSoon) {
@@ -53,18 +53,18 @@ TEST(Batcher, OneFrameIsInFlightWhereThatIsCommittedSoon) {
   EXPECT_TRUE(batcher.next(50 * ns_per_ms));
 }
 
-// Frames that go out within `limit` while nothing is committed and samples come at 100 Hz.
+// Batches that go out within `limit` while nothing is committed and samples come at 100 Hz.
 int frames_in_flight(Batcher& batcher, TimeNs from, TimeNs limit) {
-  int frames = 0;
+  int batches = 0;
   std::uint64_t sequence = 10;
   for (TimeNs now = from; now < from + limit; now += 10 * ns_per_ms) {
     batcher.add(now, sample(1, ++sequence, now));
-    frames += batcher.next(now) ? 1 : 0;
+    batches += batcher.next(now) ? 1 : 0;
   }
-  return frames;
+  return batches;
 }
 
-// Whose first frame took so long to be endorsed and ordered.
+// Whose first batch took so long to be endorsed and ordered.
 Batcher after_one_frame(TimeNs ordered_after_ns) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
@@ -276,18 +276,18 @@ TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
   TimeNs max_pause = 0;
   for (std::uint64_t k = 1; k <= 20; ++k) {
     batcher.add(now, sample(1, k, now));
-    const auto frame = batcher.next(now);
-    ASSERT_TRUE(frame);
-    batcher.finished(now, frame->number, outcome(Kind::unavailable));
+    const auto batch = batcher.next(now);
+    ASSERT_TRUE(batch);
+    batcher.finished(now, batch->number, outcome(Kind::unavailable));
     const TimeNs pause = batcher.back_off_until_ns() - now;
-    EXPECT_GE(pause, config.first_back_off_ns / 2);
-    EXPECT_LE(pause, config.max_back_off_ns);
+    EXPECT_GE(pause, config.back_off.first_ns / 2);
+    EXPECT_LE(pause, config.back_off.max_ns);
     batcher.add(now, sample(1, 1000 + k, now));
     EXPECT_FALSE(batcher.next(batcher.back_off_until_ns() - 1));
     max_pause = std::max(max_pause, pause);
     now = batcher.back_off_until_ns();
   }
-  EXPECT_GE(max_pause, config.max_back_off_ns / 2);
+  EXPECT_GE(max_pause, config.back_off.max_ns / 2);
 }
 
 TEST(Batcher, ASampleThatHadToWaitPastItsFreshnessIsDroppedAndCounted) {
@@ -321,7 +321,7 @@ TEST(Batcher, ACommitEndsTheGrowthOfTheBackOff) {
   };
   for (std::uint64_t k = 1; k <= 6; ++k) round(Kind::unavailable, k);
   round(Kind::committed, 7);
-  EXPECT_LE(round(Kind::unavailable, 8), config.first_back_off_ns);
+  EXPECT_LE(round(Kind::unavailable, 8), config.back_off.first_ns);
 }
 
 TEST(Batcher, SeedsGiveDifferentJitterAndTheSameSeedTheSame) {
@@ -338,10 +338,10 @@ TEST(Batcher, SeedsGiveDifferentJitterAndTheSameSeedTheSame) {
 TEST(Batcher, TheEndOfAFrameThatIsNotInFlightChangesNothing) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
-  const auto frame = batcher.next(0);
-  EXPECT_FALSE(batcher.finished(0, frame->number + 1, outcome(Kind::committed)));
-  EXPECT_TRUE(batcher.finished(0, frame->number, outcome(Kind::committed)));
-  EXPECT_FALSE(batcher.finished(0, frame->number, outcome(Kind::committed)));
+  const auto batch = batcher.next(0);
+  EXPECT_FALSE(batcher.finished(0, batch->number + 1, outcome(Kind::committed)));
+  EXPECT_TRUE(batcher.finished(0, batch->number, outcome(Kind::committed)));
+  EXPECT_FALSE(batcher.finished(0, batch->number, outcome(Kind::committed)));
   EXPECT_EQ(batcher.counters(1).on_ledger, 1U);
 }
 
@@ -360,11 +360,11 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
         batcher.add(now, sample(drone, ++sequence, now));
         ++added[drone];
       }
-      if (auto frame = batcher.next(now)) {
-        in_flight.push_back(frame->number);
+      if (auto batch = batcher.next(now)) {
+        in_flight.push_back(batch->number);
         ASSERT_EQ(in_flight.size(), 1U) << "seed " << seed;
-        ASSERT_LE(frame->samples.size(), 3U);
-        ASSERT_GE(frame->samples.size(), 1U);
+        ASSERT_LE(batch->samples.size(), 3U);
+        ASSERT_GE(batch->samples.size(), 1U);
       }
       if (!in_flight.empty() && random.uniform() < 0.3) {
         const auto kind = static_cast<Kind>(random.next() % 5);
@@ -382,22 +382,22 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
     }
     if (!in_flight.empty()) batcher.finished(now, in_flight.front(), outcome(Kind::unavailable));
     const BatchConfig defaults;
-    now += defaults.max_back_off_ns + defaults.refused_drone_pause_ns;
+    now += defaults.back_off.max_ns + defaults.refused_drone_pause_ns;
     batcher.add(now, sample(1, ++sequence, now));
     EXPECT_TRUE(batcher.next(now + defaults.linger_ns)) << "it always goes on, seed " << seed;
   }
 }
 
 TEST(EncodeFrame, WithoutAPoseThereIsNoOdometry) {
-  Frame frame;
-  frame.samples = {sample(1, 3)};
+  StateBatch batch;
+  batch.samples = {sample(1, 3)};
   SetCall set;
-  ASSERT_TRUE(set.ParseFromString(encode_frame(frame, three, 0).args.at(0)));
+  ASSERT_TRUE(set.ParseFromString(encode_batch(batch, three, 0).args.at(0)));
   for (const Asset& asset : set.assets()) EXPECT_NE(asset.id(), "tello1/odom");
 }
 
 TEST(EncodeFrame, WritesTheStateOfEachDroneWithRealTimeInHeadersAndTheBatteryThatIsDue) {
-  Frame frame;
+  StateBatch batch;
   auto s = sample(2, 9, 5 * ns_per_s);
   s.position_m = {1, 2, 3};
   s.velocity_mps = {1, 0, 0.5};
@@ -406,10 +406,10 @@ TEST(EncodeFrame, WritesTheStateOfEachDroneWithRealTimeInHeadersAndTheBatteryTha
   s.pose_stamp_ns = s.stamp_ns - 5 * ns_per_ms;
   auto old = sample(1, 3);
   old.pose_stamp_ns = 1;
-  frame.samples = {s};
-  frame.repeated = {old};
-  frame.batteries = {2};
-  const auto call = encode_frame(frame, three, 1000 * ns_per_s);
+  batch.samples = {s};
+  batch.repeated = {old};
+  batch.batteries = {2};
+  const auto call = encode_batch(batch, three, 1000 * ns_per_s);
   EXPECT_EQ(call.function, "set");
   SetCall set;
   ASSERT_TRUE(set.ParseFromString(call.args.at(0)));
@@ -449,10 +449,10 @@ TEST(EncodeFrame, BytesOfAStateAreKnown) {
     s.pose_stamp_ns = now;
     s.battery = k < states / 2 ? 0.75F : 0.74F;
     batcher.add(now, s);
-    const auto frame = batcher.next(now);
-    ASSERT_TRUE(frame);
-    bytes += encode_frame(*frame, {{1, "tello1"}}, 1'700'000'000 * ns_per_s).args.at(0).size();
-    batcher.finished(now, frame->number, outcome(Kind::committed));
+    const auto batch = batcher.next(now);
+    ASSERT_TRUE(batch);
+    bytes += encode_batch(*batch, {{1, "tello1"}}, 1'700'000'000 * ns_per_s).args.at(0).size();
+    batcher.finished(now, batch->number, outcome(Kind::committed));
   }
   EXPECT_EQ(bytes / states, 976U) << "1,219 with a pose in both messages and a battery each time";
 }
@@ -467,10 +467,10 @@ TEST(Batcher, ABatteryIsSentWhenItChangesOrWasNotCommittedWithEvery16thStateAndE
     auto s = sample(1, ++sequence, now);
     s.battery = charge;
     batcher.add(now, s);
-    const auto frame = batcher.next(now);
-    EXPECT_TRUE(frame);
-    batcher.finished(now, frame->number, outcome(end));
-    return frame->batteries.size() == 1;
+    const auto batch = batcher.next(now);
+    EXPECT_TRUE(batch);
+    batcher.finished(now, batch->number, outcome(end));
+    return batch->batteries.size() == 1;
   };
   EXPECT_TRUE(sends_battery(0.5F, Kind::committed)) << "the first";
   for (int k = 1; k < 16; ++k) EXPECT_FALSE(sends_battery(0.5F, Kind::committed)) << k;
@@ -496,11 +496,11 @@ TEST(Batcher, AFrameThatLingersIsDueWhenItHasLingered) {
   EXPECT_EQ(batcher.due_ns(10), 10 + 3 * ns_per_ms);
 }
 
-/// Who sleeps until a frame is due must not miss it, and who finds it due must get it: else a loop that waits for that
+/// Who sleeps until a batch is due must not miss it, and who finds it due must get it: else a loop that waits for that
 /// moment sleeps too long, or spins.
 TEST(Batcher, ItIsDueExactlyWhenThereIsAFrame) {
   const int flights = seeds(300, 20'000);
-  int frames = 0;
+  int batches = 0;
   for (int seed = 1; seed <= flights; ++seed) {
     Random random(static_cast<std::uint64_t>(seed));
     const auto up_to = [&](TimeNs limit) { return static_cast<TimeNs>(random.uniform() * static_cast<double>(limit)); };
@@ -524,7 +524,7 @@ TEST(Batcher, ItIsDueExactlyWhenThereIsAFrame) {
         batcher.finished(now, under_way.front(), end);
         under_way.pop_front();
       }
-      for (auto frame = batcher.next(now); frame; frame = batcher.next(now)) under_way.push_back(frame->number);
+      for (auto batch = batcher.next(now); batch; batch = batcher.next(now)) under_way.push_back(batch->number);
       const TimeNs due_ns = batcher.due_ns(now);
       ASSERT_GT(due_ns, now) << "seed " << seed << ": due, and yet there was none";
       if (due_ns == INT64_MAX) {
@@ -536,10 +536,10 @@ TEST(Batcher, ItIsDueExactlyWhenThereIsAFrame) {
       Batcher before = batcher, then = batcher;
       ASSERT_FALSE(before.next(due_ns - 10)) << "seed " << seed << ": it went before it was due";
       ASSERT_TRUE(then.next(due_ns)) << "seed " << seed << ": due, and it did not go";
-      ++frames;
+      ++batches;
     }
   }
-  EXPECT_GT(frames, flights);
+  EXPECT_GT(batches, flights);
 }
 
 }  // namespace

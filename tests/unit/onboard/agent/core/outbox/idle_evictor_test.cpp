@@ -37,7 +37,7 @@ class IdleEvictorTest : public ::testing::Test {
   }
 
   const std::vector<DroneName> drones_{{1, "tello1"}, {2, "tello2"}};
-  IdleEvictor evictor_{idle, BatchConfig{}, drones_, 7};
+  IdleEvictor evictor_{idle, BackOffLimits{}, drones_, 7};
   TimeNs now_ = t0;
 };
 
@@ -59,7 +59,7 @@ TEST_F(IdleEvictorTest, AHolderOnTheGroundWhoSaysNothingIsEvictedOnceAfterTheIdl
   EXPECT_EQ(ended->drone->name, "tello1");
   EXPECT_EQ(ended->next, Next::on_ledger);
   EXPECT_EQ(evictor_.counters().evicted, 1U);
-  EXPECT_FALSE(evictor_.in_flight());
+  EXPECT_FALSE(evictor_.has_call_in_flight());
   EXPECT_TRUE(until(now_ + 10 * idle, {.lease = {}, .on_ground = true, .ledger_alive = true}).empty())
       << "nobody holds it";
 }
@@ -84,7 +84,7 @@ TEST_F(IdleEvictorTest, NobodyIsEvictedInTheAirOrWithoutStateAndTheClockRestarts
 }
 
 TEST_F(IdleEvictorTest, WithZeroNobodyIsEverEvicted) {
-  evictor_ = IdleEvictor(0, BatchConfig{}, drones_, 7);
+  evictor_ = IdleEvictor(0, BackOffLimits{}, drones_, 7);
   EXPECT_TRUE(until(t0 + 100 * idle).empty());
 }
 

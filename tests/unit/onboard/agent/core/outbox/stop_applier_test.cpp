@@ -25,7 +25,7 @@ class StopApplierTest : public ::testing::Test {
   }
 
   const std::vector<DroneName> drones_{{1, "tello1"}, {2, "tello2"}};
-  StopApplier applier_{BatchConfig{}, drones_, 7};
+  StopApplier applier_{BackOffLimits{}, drones_, 7};
 };
 
 TEST_F(StopApplierTest, AStopIsAppliedOnceAtOnce) {

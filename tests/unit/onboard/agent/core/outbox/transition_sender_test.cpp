@@ -186,7 +186,7 @@ TEST(TransitionSender, TheCallIsOneAssetWithEveryTransition) {
   EXPECT_FALSE(call.reported_by_block) << "its client has no block stream";
   SetCall set;
   ASSERT_TRUE(set.ParseFromString(call.args.at(0)));
-  EXPECT_FALSE(set.stream()) << "a key of its own, not the frame that each state overwrites";
+  EXPECT_FALSE(set.stream()) << "a key of its own, not the batch that each state overwrites";
   ASSERT_EQ(set.assets_size(), 1);
   EXPECT_EQ(set.assets(0).id(), "tello1/failsafe");
   EXPECT_EQ(set.assets(0).msg_type(), "diagnostic_msgs/msg/DiagnosticArray");
@@ -211,7 +211,7 @@ TEST(AgentTransitions, GoAtOnceOnAWayOfTheirOwnWhateverBecomesOfTheStates) {
   core.on_state(0, sample, out);
   core.step(0, out);
   ASSERT_EQ(out.submits.size(), 1U);
-  core.on_outcome(0, out.submits[0].frame, ended(Kind::unavailable), out);
+  core.on_outcome(0, out.submits[0].call_number, ended(Kind::unavailable), out);
   out.clear();
   sample.sequence = 2;
   core.on_state(1, sample, out);
@@ -219,9 +219,9 @@ TEST(AgentTransitions, GoAtOnceOnAWayOfTheirOwnWhateverBecomesOfTheStates) {
   core.step(1, out);
   ASSERT_EQ(out.submits.size(), 1U) << "states are backing off";
   EXPECT_TRUE(out.submits[0].urgent);
-  const auto frame = out.submits[0].frame;
+  const auto call_number = out.submits[0].call_number;
   EXPECT_FALSE(core.ledger_alive(1));
-  core.on_outcome(2, frame, ended(Kind::committed), out);
+  core.on_outcome(2, call_number, ended(Kind::committed), out);
   EXPECT_TRUE(core.ledger_alive(2)) << "that is a sign of life";
   EXPECT_EQ(core.report(1).transitions.on_ledger, 1U);
   out.clear();
@@ -242,7 +242,7 @@ TEST(AgentTransitions, AtAnOrderlyEndStillGoWhenStatesDoNot) {
   EXPECT_TRUE(core.has_calls_in_flight());
   core.step(0, out);
   ASSERT_EQ(out.submits.size(), 1U);
-  core.on_outcome(0, out.submits[0].frame, ended(Kind::committed), out);
+  core.on_outcome(0, out.submits[0].call_number, ended(Kind::committed), out);
   EXPECT_FALSE(core.has_calls_in_flight());
 }
 

@@ -27,7 +27,7 @@ class Watched {
       pose.velocity_mps = {moves.x(), moves.y(), 0};
       heading += turns * 0.01;
       pose.yaw_rad = heading + turned;
-      if (posed && check.accepts(pose, flies)) newest = pose, ++accepted;
+      if (posed && now % posed_every == 0 && check.accepts(pose, flies)) newest = pose, ++accepted;
       if (now % (100 * ms) != 0) continue;
       own.velocity_mps = late * scale + wrong;
       own.height_m = 1;
@@ -37,9 +37,9 @@ class Watched {
     }
   }
 
-  SourceCheck check;
+  SourceCheck check{300 * ms};
   OwnMotion own{.usable = true, .sigma_m = 0.1};
-  TimeNs now = ns_per_s;
+  TimeNs now = ns_per_s, posed_every = 10 * ms;
   Eigen::Vector2d at{0, 0}, frame{0, 0}, creeps{0, 0}, late{0, 0}, wrong{0, 0};
   double scale = 1, lag_s = 0.01, above = 0, heading = 0, turns = 0, turned = 0;
   bool flies = true, posed = true, repeats = false;
@@ -170,6 +170,20 @@ TEST(SourceCheck, WithoutAUsableVelocityThereIsNothingToCompare) {
   drone.creeps = {0.3, 0};
   drone.pass(5, {0.5, 0});
   EXPECT_EQ(drone.check.verdict(), Verdict::agree);
+}
+
+/// Motion capture of 2 Hz, where failsafe.pose_lost_ms allows it.
+TEST(SourceCheck, ComparesEveryPoseThatIsNotLost) {
+  for (const TimeNs pose_lost_ns : {300 * ms, 1000 * ms}) {
+    Watched drone;
+    drone.check = SourceCheck(pose_lost_ns);
+    drone.posed_every = 500 * ms;
+    drone.pass(3, {0.5, 0});
+    EXPECT_EQ(drone.check.verdict(), Verdict::agree);
+    drone.creeps = {0.3, 0};
+    drone.pass(3, {0.5, 0});
+    EXPECT_EQ(drone.check.verdict() == Verdict::agree, pose_lost_ns == 300 * ms);
+  }
 }
 
 TEST(SourceCheck, AnUnresolvedOneIsTakenBackWhereItMovesAlikeAtOnePlace) {

@@ -32,8 +32,8 @@ TEST(Separation, HeadOnTheHigherNumberGetsOutOfTheWayAndTheLowerOneIsNotHeldUp) 
   const double begin = to_seconds(world.now);
   for (int i = 0; i < 6000 && !world.all_arrived(); ++i) {
     world.step();
-    parted = parted || second.clearance.kind == Clearance::Kind::part;
-    EXPECT_NE(first.clearance.kind, Clearance::Kind::part);
+    parted = parted || second.clearance.kind == Clearance::Kind::give_way;
+    EXPECT_NE(first.clearance.kind, Clearance::Kind::give_way);
   }
   EXPECT_TRUE(world.all_arrived());
   EXPECT_TRUE(parted);

@@ -11,8 +11,6 @@
 namespace ledgerline::link {
 namespace {
 
-using Verdict = SerialCheck::Verdict;
-
 /// A session with a configured serial, with a drone on the ground that sends its state text and says `ok` to `command`.
 class SerialOfTheSession : public ::testing::Test {
  protected:
@@ -40,7 +38,7 @@ class SerialOfTheSession : public ::testing::Test {
 TEST_F(SerialOfTheSession, TheDroneThatIsMeantTakesOff) {
   answer = "0TQDG00EDPMV39\r\n";
   pass(ns_per_s);
-  EXPECT_EQ(session.serial().verdict(), Verdict::same);
+  EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::same);
   EXPECT_EQ(asked(), 1);
   EXPECT_TRUE(takes_off());
 }
@@ -48,7 +46,7 @@ TEST_F(SerialOfTheSession, TheDroneThatIsMeantTakesOff) {
 TEST_F(SerialOfTheSession, AnotherDroneDoesNotAndIsNamed) {
   answer = "0TQDG00EDPMV40\r\n";
   pass(10 * ns_per_s);
-  EXPECT_EQ(session.serial().verdict(), Verdict::other);
+  EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::other);
   EXPECT_EQ(session.serial().answered().view(), "0TQDG00EDPMV40");
   EXPECT_FALSE(takes_off());
   EXPECT_EQ(session.phase(), FlightPhase::on_ground);
@@ -56,7 +54,7 @@ TEST_F(SerialOfTheSession, AnotherDroneDoesNotAndIsNamed) {
 
 TEST_F(SerialOfTheSession, ADroneThatDoesNotAnswerIsAskedAgainAndWaits) {
   pass(10 * ns_per_s);
-  EXPECT_EQ(session.serial().verdict(), Verdict::open);
+  EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::open);
   EXPECT_FALSE(takes_off());
   EXPECT_GE(asked(), 10);
   EXPECT_LE(asked(), 25);
@@ -70,7 +68,7 @@ TEST_F(SerialOfTheSession, AFirmwareThatKnowsNoSuchQuestionIsNotCheckedAndTakesO
     session = TelloSession({}, "0TQDG00EDPMV39");
     answer = refusal;
     pass(5 * ns_per_s);
-    EXPECT_EQ(session.serial().verdict(), Verdict::unreported) << refusal;
+    EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::unreported) << refusal;
     EXPECT_TRUE(takes_off()) << refusal;
   }
 }
@@ -79,11 +77,11 @@ TEST_F(SerialOfTheSession, OneRefusalMayBeALateAnswerToSomethingElse) {
   answer = "error";
   pass(5 * tick);
   EXPECT_EQ(asked(), 1);
-  EXPECT_EQ(session.serial().verdict(), Verdict::open);
+  EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::open);
   EXPECT_FALSE(takes_off());
   answer = "0TQDG00EDPMV40";
   pass(ns_per_s);
-  EXPECT_EQ(session.serial().verdict(), Verdict::other);
+  EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::other);
 }
 
 TEST_F(SerialOfTheSession, WhatIsNoSerialDecidesNothing) {
@@ -91,7 +89,7 @@ TEST_F(SerialOfTheSession, WhatIsNoSerialDecidesNothing) {
                            "0TQDG00EDPMV390TQDG00EDPMV39"}) {
     answer = text;
     pass(ns_per_s);
-    EXPECT_EQ(session.serial().verdict(), Verdict::open) << text;
+    EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::open) << text;
   }
 }
 
@@ -108,7 +106,7 @@ TEST_F(SerialOfTheSession, ADroneThatReconnectsIsAskedAgain) {
   EXPECT_FALSE(takes_off());
   answer = "0TQDG00EDPMV40";
   pass(ns_per_s);
-  EXPECT_EQ(session.serial().verdict(), Verdict::other);
+  EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::other);
 }
 
 TEST_F(SerialOfTheSession, NothingIsAskedInTheAirOrWhereNoSerialIsWanted) {

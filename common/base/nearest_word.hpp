@@ -1,0 +1,10 @@
+#pragma once
+#include <string>
+#include <vector>
+
+namespace ledgerline {
+
+/// Of what can be typed, that which was meant by `typed`: at most two edits away. Empty: nothing is that near.
+std::string nearest_word(const std::string& typed, const std::vector<std::string>& known);
+
+}  // namespace ledgerline

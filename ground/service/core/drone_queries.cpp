@@ -1,0 +1,62 @@
+#include "ground/service/core/drone_queries.hpp"
+
+#include "common/access/access.hpp"
+#include "common/msg/stops.hpp"
+#include "ground/core/flight/phases.hpp"
+
+namespace ledgerline::ground::service {
+
+bool is_aloft(const FlightView& flights, std::size_t drone) {
+  const IntakeState& seen = flights.intake(drone);
+  return is_flown(flights.status(drone).phase) || (seen.has_state && is_in_flight(seen.state.phase));
+}
+
+std::vector<std::size_t> aloft_of(const FlightView& flights) {
+  std::vector<std::size_t> aloft;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    if (is_aloft(flights, drone) || !flights.intake(drone).has_state) aloft.push_back(drone);
+  }
+  return aloft;
+}
+
+std::vector<std::size_t> stopped_of(const FlightView& flights) {
+  std::vector<std::size_t> stopped;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    if (flights.lease(drone).stoppers.stoppers_size() > 0) stopped.push_back(drone);
+  }
+  return stopped;
+}
+
+std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
+  const Identity ground = to_message(flights.config().self);
+  std::vector<std::size_t> stopped;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    const Control& stoppers = flights.lease(drone).stoppers;
+    // A ground that is a supervisor would clear the others' stops with its own.
+    if (stoppers.stoppers_size() == 1 && is_stopped_by(stoppers, ground)) stopped.push_back(drone);
+  }
+  return stopped;
+}
+
+std::vector<LeaseState> leases_of(const FlightView& flights) {
+  std::vector<LeaseState> leases;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    const Lease& lease = flights.lease(drone);
+    leases.push_back({.holder = lease.holder,
+                      .words = lease.holder ? "its lease is held by " + holder_words(lease) : "nobody holds its lease",
+                      .ours = !flights.config().ledger || lease.commander == flights.config().self});
+  }
+  return leases;
+}
+
+HeldDrones drones_held_by(const FlightView& flights, const crypto::IdentityName& who) {
+  HeldDrones held;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    if (flights.lease(drone).holder != who || flights.lease(drone).commander != flights.config().self) continue;
+    held.drones.push_back(drone);
+    if (is_aloft(flights, drone)) held.aloft.push_back(drone);
+  }
+  return held;
+}
+
+}  // namespace ledgerline::ground::service
