@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <memory>
 
 #include "chaincode/node/server/services.hpp"
 #include "common/base/log.hpp"
@@ -13,6 +14,12 @@
 
 namespace ledgerline::node {
 namespace {
+
+/// gRPC's own threads outlive main and its statics, and may log until the process is gone: never destroyed.
+spdlog::logger& grpc_logger() {
+  static const auto& logger = *new std::shared_ptr<spdlog::logger>(spdlog::default_logger());
+  return *logger;
+}
 
 /// Unauthenticated clients cause most of gRPC's lines (each handshake that fails is one): at most one a second.
 void log_seldom(gpr_log_func_args* line) {
@@ -24,7 +31,7 @@ void log_seldom(gpr_log_func_args* line) {
     ++left_out;
     return;
   }
-  spdlog::warn("gRPC: {} ({} lines left out before)", printable(line->message), left_out.exchange(0));
+  grpc_logger().warn("gRPC: {} ({} lines left out before)", printable(line->message), left_out.exchange(0));
 }
 
 }  // namespace
@@ -32,6 +39,7 @@ void log_seldom(gpr_log_func_args* line) {
 Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& listen, std::string client_authorities) {
   const auto colon = listen.rfind(':');
   if (colon == std::string::npos) return Error{"--listen " + listen + ": give ADDRESS:PORT"};
+  grpc_logger();  // made here: a thread that outlives main must not be the first to ask
   gpr_set_log_function(log_seldom);
   // protobuf would write a line for each text of an unauthenticated client that is no UTF-8.
   google::protobuf::SetLogHandler(nullptr);
