@@ -21,8 +21,9 @@ class WatchdogPace {
   explicit WatchdogPace(TimeNs timeout_ns) : timeout_ns_(timeout_ns), period_ns_(timeout_ns / 2) {}
   TimeNs timeout_ns() const noexcept { return timeout_ns_; }
 
-  /// `progress`: any count that moves on with the work that is watched over.
-  bool due(TimeNs now, std::uint64_t progress) noexcept {
+  /// True: notify now; the next time is half a timeout from now. `progress`: any count that moves on with the work that
+  /// is watched over.
+  bool restart_if_due(TimeNs now, std::uint64_t progress) noexcept {
     if (period_ns_ == 0 || now < next_ns_ || progress == reported_) return false;
     next_ns_ = now + period_ns_;
     reported_ = progress;

@@ -381,7 +381,7 @@ ShellCounters Ground::losses_of(std::size_t channel) const {
 void Ground::report_certificate_ends(TimeNs now_ns) {
   if (now_ns < next_ends_ns_) return;
   next_ends_ns_ = now_ns + ns_per_s;
-  for (const crypto::Renewal::Notice& word : ends_.due(realtime_ns() / ns_per_s)) {
+  for (const crypto::Renewal::Notice& word : ends_.pop_due(realtime_ns() / ns_per_s)) {
     spdlog::warn("{}", word.words);
     const bool alarm = word.weight == crypto::Renewal::Weight::alarm;
     if (station_) station_->add_event(alarm ? Level::alarm : Level::warning, "", word.words);

@@ -156,7 +156,7 @@ bool Uplink::must_yield(std::size_t big, TimeNs now) const {
   return false;
 }
 
-bool Uplink::may_ride(std::size_t topic, Kind kind, TimeNs now) {
+bool Uplink::assign_lane(std::size_t topic, Kind kind, TimeNs now) {
   Slot& slot = slots_[topic];
   if (slot.queue.empty() || slot.paused_until_ns > now) return false;
   // To another kind only when nothing is on its way, or its order would be left to two clients.
@@ -167,7 +167,7 @@ bool Uplink::may_ride(std::size_t topic, Kind kind, TimeNs now) {
 std::optional<std::size_t> Uplink::first_topic(Kind kind, TimeNs now) {
   std::optional<std::size_t> first;
   for (std::size_t i = 0; i < slots_.size(); ++i) {
-    if (!may_ride(i, kind, now)) continue;
+    if (!assign_lane(i, kind, now)) continue;
     if (first) {
       const int priority = topics_[i].rule->priority, best = topics_[*first].rule->priority;
       const bool older = slots_[i].queue.front().taken_ns < slots_[*first].queue.front().taken_ns;

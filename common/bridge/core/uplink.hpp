@@ -153,7 +153,8 @@ class Uplink {
 
   bool ready(const Lane& lane, Kind kind, TimeNs now) const;
   bool must_yield(std::size_t big, TimeNs now) const;
-  bool may_ride(std::size_t topic, Kind kind, TimeNs now);
+  /// Whether the topic's next message may go in a call of this kind; moves big ones to bulk.
+  bool assign_lane(std::size_t topic, Kind kind, TimeNs now);
   std::optional<std::size_t> first_topic(Kind kind, TimeNs now);
   std::optional<Submit> make_call(Kind kind, TimeNs now);
   bool fits_frame(const Message& message);

@@ -29,7 +29,7 @@ std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std
 
 std::optional<Result<Renewal::Pair>> Renewal::check_files(const std::vector<std::string>& files, std::int64_t now_s,
                                                           const Load& load) {
-  const bool is_due = due(now_s);
+  const bool is_due = pop_recheck(now_s);
   if (!changed(files) && !is_due) return std::nullopt;
   auto found = load();
   const std::string before = in_use_pem_;
@@ -90,7 +90,7 @@ Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {
   return done;
 }
 
-bool Renewal::due(std::int64_t now_s) {
+bool Renewal::pop_recheck(std::int64_t now_s) {
   if (!valid_from_s_ || now_s < *valid_from_s_) return false;
   valid_from_s_.reset();
   return true;

@@ -76,7 +76,7 @@ class Renewal {
   std::optional<Notice> end_notice(std::int64_t now_s);
 
   /// True, once: what was refused as not valid yet is valid now, and is to be checked again though no file has changed.
-  bool due(std::int64_t now_s);
+  bool pop_recheck(std::int64_t now_s);
 
   std::int64_t not_after_s() const { return not_after_s_; }
   std::int64_t days_left(std::int64_t now_s) const { return crypto::days_left(not_after_s_, now_s); }

@@ -71,7 +71,7 @@ Result<BlockHandOver::OrdererStream> BlockHandOver::add(const common::Block& mes
   }
   const auto forged = intake_.pop_orderer_problem();
   if (forged) report_contradiction(*forged);
-  const bool ends = forged || !hand_over_ordered(now) || withholds(block->number, now);
+  const bool ends = forged || !hand_over_ordered(now) || check_withheld(block->number, now);
   return ends ? OrdererStream::ends : OrdererStream::goes_on;
 }
 
@@ -94,7 +94,7 @@ Result<BlockHandOver::OrdererStream> BlockHandOver::confirm(const common::Block&
   return hand_over_ordered(now) ? OrdererStream::goes_on : OrdererStream::ends;
 }
 
-bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
+bool BlockHandOver::check_withheld(std::uint64_t number, TimeNs now) {
   const auto next = intake_.next_ordered();
   if (!next || *next > number) {
     missing_since_.reset();

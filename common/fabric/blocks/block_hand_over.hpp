@@ -69,7 +69,8 @@ class BlockHandOver {
   Result<OrdererStream> add(const common::Block& message, TimeNs now, const Fetch& fetch);
   Result<OrdererStream> confirm(const common::Block& message, TimeNs now);
   Status hand_over_ordered(TimeNs now);
-  bool withholds(std::uint64_t number, TimeNs now);
+  /// True, and withheld_ says which, where the orderer has not sent a block for too long that the peer has.
+  bool check_withheld(std::uint64_t number, TimeNs now);
   void hand_over(Block& block, const common::Block& message, TimeNs now);
   void report_unverified(const Block& block);
 

@@ -59,8 +59,8 @@ class CertificateEnds {
   static constexpr std::size_t max_writers = 256;  ///< beyond it new ones are not looked at
 
   void add(const fabric::Block& block);
-  /// What is to be reported now (crypto::Renewal::look).
-  std::vector<crypto::Renewal::Notice> due(std::int64_t now_s);
+  /// What is to be reported now, each once (crypto::Renewal::end_notice).
+  std::vector<crypto::Renewal::Notice> pop_due(std::int64_t now_s);
 
  private:
   struct Writer {

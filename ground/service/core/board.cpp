@@ -232,7 +232,7 @@ std::vector<Event> Board::update(TimeNs now, const FlightView& core, const std::
 
 std::vector<Event> Board::refusals(TimeNs now, Refusals& refusals) {
   std::vector<Event> events;
-  for (Refusals::RefusalNotice& said : refusals.due(now))
+  for (Refusals::RefusalNotice& said : refusals.pop_due(now))
     add(now, Level::warning, said.drone, std::move(said.text), events);
   return events;
 }
@@ -272,7 +272,7 @@ void Refusals::add(std::string_view function, const fabric::Outcome& outcome) {
   ++slot.count;
 }
 
-std::vector<Refusals::RefusalNotice> Refusals::due(TimeNs now) {
+std::vector<Refusals::RefusalNotice> Refusals::pop_due(TimeNs now) {
   std::vector<RefusalNotice> said;
   for (auto& [key, slot] : slots_) {
     if (slot.count == 0 || now < slot.next_ns) continue;

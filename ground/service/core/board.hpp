@@ -27,8 +27,8 @@ class Refusals {
   };
   /// How a call of `function` ended; a committed one is nothing to say.
   void add(std::string_view function, const fabric::Outcome& outcome);
-  /// What is due.
-  std::vector<RefusalNotice> due(TimeNs now);
+  /// What is due, which is forgotten with that.
+  std::vector<RefusalNotice> pop_due(TimeNs now);
 
  private:
   struct Slot {

@@ -32,7 +32,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
   LEDGERLINE_CHECK(now >= last_step_ns_, "time does not go back", now, last_step_ns_);
   out_.clear();
   const double passed_s = last_step_ns_ == 0 ? 0 : to_seconds(now - last_step_ns_);
-  watch_health(now, has_slept(now, inputs.suspended_ns));
+  watch_health(now, age_after_suspend(now, inputs.suspended_ns));
   for (DroneLink& drone : drones_) {
     if (inputs.stop_all && !stop_all_) drone.orders().stop_locally(now);
     if (land_first_) drone.land_again(now);
@@ -64,7 +64,7 @@ void LinkCore::watch_health(TimeNs now, bool slept) noexcept {
   last_step_ns_ = now;
 }
 
-bool LinkCore::has_slept(TimeNs now, TimeNs suspended_ns) noexcept {
+bool LinkCore::age_after_suspend(TimeNs now, TimeNs suspended_ns) noexcept {
   const TimeNs slept_ns = last_step_ns_ == 0 ? 0 : suspended_ns - suspended_ns_;
   suspended_ns_ = suspended_ns;
   if (slept_ns <= health_gap_ns_) return false;

@@ -66,8 +66,9 @@ class LinkCore {
     return drone ? std::invoke(read, *drone) : std::invoke_result_t<Read, const DroneLink&>{};
   }
   void watch_health(TimeNs now, bool slept) noexcept;
-  /// The host was suspended, and its clock stood still: all that is kept is older than its stamps say, and aged here.
-  bool has_slept(TimeNs now, TimeNs suspended_ns) noexcept;
+  /// Where the host was suspended while its clock stood still, all that is kept is older than its stamps say, and aged
+  /// here; true then.
+  bool age_after_suspend(TimeNs now, TimeNs suspended_ns) noexcept;
   void dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept;
   void separate(TimeNs now, double passed_s) noexcept;
   void sample(const LinkMoment& at) noexcept;

@@ -79,7 +79,7 @@ void Batcher::drop_stale(TimeNs now) {
   }
 }
 
-bool Batcher::is_battery_due(TimeNs now, Slot& slot) {
+bool Batcher::take_battery_turn(TimeNs now, Slot& slot) {
   const bool due = slot.states_to_battery == 0 || slot.waiting->battery != slot.battery ||
                    now - slot.battery_ns >= max_battery_gap_ns;
   if (due) slot.battery_ns = now;
@@ -101,7 +101,7 @@ std::optional<StateBatch> Batcher::next(TimeNs now) {
     }
     if (!slot.sent || newer(*slot.waiting, *slot.sent)) ++slot.counters.sent;
     slot.sent = slot.waiting;
-    if (is_battery_due(now, slot)) batch.batteries.push_back(slot.drone.number);
+    if (take_battery_turn(now, slot)) batch.batteries.push_back(slot.drone.number);
     batch.samples.push_back(*slot.waiting);
     slot.waiting.reset();
   }

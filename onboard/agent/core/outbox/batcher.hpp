@@ -94,7 +94,8 @@ class Batcher {
   Slot* refused_drone(const StateBatch& batch, const fabric::Outcome& outcome);
   void drop_all(const StateBatch& batch);
   void drop_stale(TimeNs now);
-  static bool is_battery_due(TimeNs now, Slot& slot);
+  /// True when the charge goes out with this state.
+  static bool take_battery_turn(TimeNs now, Slot& slot);
   void send_again_without(TimeNs now, Slot& refused, const StateBatch& batch);
 
   BatchConfig config_;

@@ -57,7 +57,7 @@ AlarmSender::AlarmSender(const BackOffLimits& back_off, const std::vector<DroneN
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
-bool AlarmSender::due(const Slot& slot, TimeNs now, const ReportedAlarm& truth) const {
+bool AlarmSender::is_due(const Slot& slot, TimeNs now, const ReportedAlarm& truth) const {
   const bool rested = now >= slot.rest_until_ns;
   if (slot.refused && !rested) return false;
   return truth.stands != slot.reported.stands || (truth.count != slot.reported.count && rested);
@@ -68,7 +68,7 @@ std::optional<AlarmSender::Sending> AlarmSender::next(TimeNs now, const Integrit
   const ReportedAlarm truth{integrity.stands(now), integrity.count()};
   Sending sending;
   for (Slot& slot : slots_) {
-    if ((alone_ && !sending.drones.empty()) || !due(slot, now, truth)) continue;
+    if ((alone_ && !sending.drones.empty()) || !is_due(slot, now, truth)) continue;
     slot.sending = true;
     sending.drones.push_back(&slot.drone);
   }

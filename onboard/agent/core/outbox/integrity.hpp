@@ -128,7 +128,7 @@ class AlarmSender {
     bool refused = false;              ///< by itself: not even then
     bool sending = false;
   };
-  bool due(const Slot& slot, TimeNs now, const ReportedAlarm& truth) const;
+  bool is_due(const Slot& slot, TimeNs now, const ReportedAlarm& truth) const;
 
   std::vector<Slot> slots_;
   BackOff pause_;

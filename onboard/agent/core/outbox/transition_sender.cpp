@@ -28,7 +28,7 @@ void TransitionSender::add(const Transition& transition) {
   ++slot->counters.pending;
 }
 
-bool TransitionSender::due(const Slot& slot, TimeNs now) const {
+bool TransitionSender::is_due(const Slot& slot, TimeNs now) const {
   return !slot.kept.empty() && slot.in_flight == 0 && slot.pause.over(now);
 }
 
@@ -49,13 +49,14 @@ std::size_t TransitionSender::calls_of_many() const {
 
 std::optional<TransitionSender::Sending> TransitionSender::next(TimeNs now) {
   Sending sending{.number = last_call_ + 1, .parts = {}};
-  const auto alone = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.alone && due(s, now); });
+  const auto alone =
+      std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.alone && is_due(s, now); });
   if (alone != slots_.end()) {
     add_to(*alone, sending, max_per_call);
   } else if (calls_of_many() < max_calls) {
     std::size_t room = max_per_call;
     for (Slot& slot : slots_) {
-      if (room == 0 || !due(slot, now)) continue;
+      if (room == 0 || !is_due(slot, now)) continue;
       add_to(slot, sending, room);
       room -= slot.in_flight;
     }

@@ -73,7 +73,7 @@ class TransitionSender {
     std::uint64_t newest = 0, on_ledger = 0;  ///< numbers of this boot
   };
 
-  bool due(const Slot& slot, TimeNs now) const;
+  bool is_due(const Slot& slot, TimeNs now) const;
   /// Into a call, as many as there is room for.
   static void add_to(Slot& slot, Sending& sending, std::size_t room);
   std::size_t calls_of_many() const;

@@ -27,7 +27,7 @@ bool ReportedState::is_grounded(TimeNs now) const noexcept {
   return is_fresh(now) && newest_.height_m < airborne_m_ && newest_.tof_m <= grounded_m_;
 }
 
-bool ReportedState::is_of_now(TimeNs now, const TelloState& reported, bool connected) noexcept {
+bool ReportedState::accept_motor_time(TimeNs now, const TelloState& reported, bool connected) noexcept {
   if (!reported.has_motor_time) return true;
   const double lead_s = reported.motor_s - to_seconds(now);
   const bool follows = reported.motor_s >= motor_s_ && lead_s <= motor_lead_s_ + motor_time_slack_s;
@@ -65,7 +65,7 @@ bool ReportedState::on_text(TimeNs now, std::string_view bytes, bool connected) 
     return false;
   }
   unreadable_in_a_row_ = 0;
-  if (!is_of_now(now, reported, connected)) return false;
+  if (!accept_motor_time(now, reported, connected)) return false;
   newest_ = reported;
   update_battery(reported.battery);
   at_ns_ = now;

@@ -42,7 +42,8 @@ class ReportedState {
  private:
   void on_unreadable(TimeNs now, std::string_view bytes) noexcept;
   void update_battery(float reported) noexcept;
-  bool is_of_now(TimeNs now, const TelloState& reported, bool connected) noexcept;
+  /// False where `time` shows that the text is of another moment, or of another drone.
+  bool accept_motor_time(TimeNs now, const TelloState& reported, bool connected) noexcept;
 
   float airborne_m_, grounded_m_;
   TelloState newest_;

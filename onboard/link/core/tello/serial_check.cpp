@@ -38,7 +38,7 @@ void SerialCheck::begin() noexcept {
   refusals_ = 0;
 }
 
-bool SerialCheck::due(TimeNs now) noexcept {
+bool SerialCheck::request_if_due(TimeNs now) noexcept {
   if (verdict_ != Verdict::open || (asked_ns_ != 0 && now - asked_ns_ < repeat_ns)) return false;
   asked_ns_ = now;
   return true;

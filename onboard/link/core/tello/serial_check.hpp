@@ -35,8 +35,9 @@ class SerialCheck {
 
   /// It has reconnected: the drone that answers now must be asked.
   void begin() noexcept;
-  /// True when `sn?` is to be sent now. To be called only on the ground, while no other answer is waited for.
-  bool due(TimeNs now) noexcept;
+  /// True: `sn?` is to be sent now, and counts as sent. To be called only on the ground, while no other answer is
+  /// waited for.
+  bool request_if_due(TimeNs now) noexcept;
   /// What came while no other answer was waited for; true when it was for this.
   bool on_answer(std::string_view bytes) noexcept;
 

@@ -54,10 +54,10 @@ bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   return true;
 }
 
-bool TelloSession::should_request_pads(TimeNs now) noexcept {
+bool TelloSession::request_pads_if_due(TimeNs now) noexcept {
   const bool stands = phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed;
   return stands && is_standing(now) && !pending_.is_pending() && serial_.allows_takeoff() &&
-         pads_.due(now, state().pad);
+         pads_.request_if_due(now, state().pad);
 }
 
 void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
@@ -197,11 +197,11 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   } else {
     lost_link_.drop_commands();
   }
-  if (!pending_.is_pending() && is_on_ground(phase_) && serial_.due(now)) {
+  if (!pending_.is_pending() && is_on_ground(phase_) && serial_.request_if_due(now)) {
     out = command_text("sn?");
     return true;
   }
-  if (should_request_pads(now)) {
+  if (request_pads_if_due(now)) {
     out = command_text("mon");
     return true;
   }
@@ -234,7 +234,7 @@ bool PendingCommand::next_send(TimeNs now, CommandText& out) noexcept {
   return true;
 }
 
-bool PadRequest::due(TimeNs now, int pad) noexcept {
+bool PadRequest::request_if_due(TimeNs now, int pad) noexcept {
   constexpr TimeNs pause_ns = 2 * ns_per_s;
   constexpr int not_looking = -2;
   if (left_ == 0) return false;

@@ -45,8 +45,9 @@ class PadRequest {
  public:
   explicit PadRequest(bool wanted) noexcept : left_(wanted ? max_requests : 0) {}
 
-  /// True when it is to be sent now, to a drone that stands and owes no answer. `pad`: of the newest state text.
-  bool due(TimeNs now, int pad) noexcept;
+  /// True: it is to be sent now, and counts as sent. For a drone that stands and owes no answer. `pad`: of the newest
+  /// state text.
+  bool request_if_due(TimeNs now, int pad) noexcept;
   /// Its late refusal would be taken for another command's.
   bool may_be_answered(TimeNs now, TimeNs timeout_ns) const noexcept {
     return requested_ns_ != 0 && now - requested_ns_ < timeout_ns;
@@ -139,7 +140,7 @@ class TelloSession {
   void watch_sight(TimeNs now) noexcept;
   void watch_landing(TimeNs now) noexcept;
   void connect(TimeNs now) noexcept;
-  bool should_request_pads(TimeNs now) noexcept;
+  bool request_pads_if_due(TimeNs now) noexcept;
 
   SessionSettings settings_;
   ReportedState reported_;

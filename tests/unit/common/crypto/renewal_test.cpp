@@ -72,11 +72,11 @@ TEST_F(RenewalOfACertificate, TheOneInUseStaysTakenAtItsEndWhereOtherFilesChange
 TEST_F(RenewalOfACertificate, OneThatIsNotValidYetIsDueOnceWhenItBecomesSo) {
   const auto next = pair_of(issued("raven", 100));
   const std::int64_t begins_s = next->certificate.not_before_s;
-  EXPECT_FALSE(renewal_.due(begins_s));
+  EXPECT_FALSE(renewal_.pop_recheck(begins_s));
   EXPECT_NE(refusal(next, begins_s - 60).find("not valid yet, for another 60 s"), std::string::npos);
-  EXPECT_FALSE(renewal_.due(begins_s - 1));
-  EXPECT_TRUE(renewal_.due(begins_s));
-  EXPECT_FALSE(renewal_.due(begins_s)) << "once";
+  EXPECT_FALSE(renewal_.pop_recheck(begins_s - 1));
+  EXPECT_TRUE(renewal_.pop_recheck(begins_s));
+  EXPECT_FALSE(renewal_.pop_recheck(begins_s)) << "once";
   EXPECT_EQ(refusal(next, begins_s), "taken");
 }
 
@@ -84,7 +84,7 @@ TEST_F(RenewalOfACertificate, WhatIsRefusedForAnotherReasonIsNotDueAgain) {
   const auto next = pair_of(issued("raven", 100));
   (void)refusal(next, next->certificate.not_before_s - 60);
   (void)refusal(pair_of(issued("crow", 100)), now_s_);
-  EXPECT_FALSE(renewal_.due(now_s_ + day_s));
+  EXPECT_FALSE(renewal_.pop_recheck(now_s_ + day_s));
 }
 
 TEST_F(RenewalOfACertificate, WhatCannotBeReadIsRefusedInItsWords) {

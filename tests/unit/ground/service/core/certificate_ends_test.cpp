@@ -44,28 +44,28 @@ class CertificateEndsOfAgents : public testing::Test {
 TEST_F(CertificateEndsOfAgents, AreReportedByWhatTheyWrite) {
   ends_.add(block_of("set", identity_of("raven", 20)));
   ends_.add(block_of("set", identity_of("crow", 100)));
-  const auto words = ends_.due(now_s_);
+  const auto words = ends_.pop_due(now_s_);
   ASSERT_EQ(words.size(), 1U);
   EXPECT_EQ(words[0].words, "the certificate of agent Org1MSP CN=raven,OU=client ends in 19 days");
   EXPECT_EQ(words[0].weight, Weight::warning);
-  EXPECT_TRUE(ends_.due(now_s_).empty()) << "once a day";
-  EXPECT_EQ(ends_.due(now_s_ + 18 * crypto::day_s).at(0).weight, Weight::alarm);
+  EXPECT_TRUE(ends_.pop_due(now_s_).empty()) << "once a day";
+  EXPECT_EQ(ends_.pop_due(now_s_ + 18 * crypto::day_s).at(0).weight, Weight::alarm);
 }
 
 TEST_F(CertificateEndsOfAgents, EndWithARenewalThoughTheOldOneIsSeenOnceMore) {
   const std::string old = identity_of("raven", 20);
   ends_.add(block_of("set", old));
-  EXPECT_EQ(ends_.due(now_s_).size(), 1U);
+  EXPECT_EQ(ends_.pop_due(now_s_).size(), 1U);
   ends_.add(block_of("set", identity_of("raven", 100)));
   ends_.add(block_of("set", old));
-  EXPECT_TRUE(ends_.due(now_s_ + crypto::day_s).empty());
+  EXPECT_TRUE(ends_.pop_due(now_s_ + crypto::day_s).empty());
 }
 
 TEST_F(CertificateEndsOfAgents, AreNotTakenFromWhatIsInvalidOrNoState) {
   ends_.add(block_of("set", identity_of("raven", 2), 10));
   ends_.add(block_of("command", identity_of("crow", 2)));
   ends_.add(block_of("set", "no identity"));
-  EXPECT_TRUE(ends_.due(now_s_).empty());
+  EXPECT_TRUE(ends_.pop_due(now_s_).empty());
 }
 
 }  // namespace

@@ -16,11 +16,11 @@ Outcome refused(const std::string& words) {
 TEST(Refusals, SayTheContractsWordsOfTheDroneThatTheyAreAbout) {
   Refusals refusals({"tello1", "tello2"});
   refusals.add("command", refused("tello2: held by somebody else"));
-  const auto said = refusals.due(0);
+  const auto said = refusals.pop_due(0);
   ASSERT_EQ(said.size(), 1U);
   EXPECT_EQ(said[0].drone, "tello2");
   EXPECT_EQ(said[0].text, "command refused: tello2: held by somebody else");
-  EXPECT_TRUE(refusals.due(10 * ns_per_s).empty()) << "once";
+  EXPECT_TRUE(refusals.pop_due(10 * ns_per_s).empty()) << "once";
 }
 
 TEST(Refusals, AStormIsReportedOnceASecondWithItsCount) {
@@ -28,10 +28,10 @@ TEST(Refusals, AStormIsReportedOnceASecondWithItsCount) {
   std::size_t events = 0;
   for (TimeNs now = 0; now < 10 * ns_per_s; now += ns_per_ms) {
     refusals.add("command", refused("tello1: no"));
-    events += refusals.due(now).size();
+    events += refusals.pop_due(now).size();
   }
   EXPECT_EQ(events, 10U);
-  const auto last = refusals.due(10 * ns_per_s);
+  const auto last = refusals.pop_due(10 * ns_per_s);
   ASSERT_EQ(last.size(), 1U) << "the rest is not lost";
   EXPECT_THAT(last[0].text, HasSubstr("(999 times)"));
 }
@@ -46,7 +46,7 @@ TEST(Refusals, DronesAndKindsDoNotHoldEachOtherBack) {
   invalid.block = 12;
   invalid.code = 11;
   refusals.add("command", invalid);
-  const auto said = refusals.due(0);
+  const auto said = refusals.pop_due(0);
   ASSERT_EQ(said.size(), 4U);
   EXPECT_EQ(said[0].drone, "");
   EXPECT_THAT(said[0].text, HasSubstr("invalid in block 12 (code 11)"));
@@ -57,9 +57,9 @@ TEST(Refusals, WhatIsCommittedIsNothingToSayAndWhatAPeerSaysIsBounded) {
   Outcome committed;
   committed.kind = Outcome::Kind::committed;
   refusals.add("command", committed);
-  EXPECT_TRUE(refusals.due(0).empty());
+  EXPECT_TRUE(refusals.pop_due(0).empty());
   refusals.add("stop", Outcome::failed(Outcome::Kind::unavailable, std::string(100'000, '\n')));
-  EXPECT_LT(refusals.due(0).at(0).text.size(), 2'000U);
+  EXPECT_LT(refusals.pop_due(0).at(0).text.size(), 2'000U);
 }
 
 }  // namespace
