@@ -87,7 +87,7 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
 DropReason DroneLink::may_follow(const LinkMoment& at, const Plan& plan) const noexcept {
   if (plan.state_stamp_ns < at.not_before_ns) return DropReason::too_old;
   const bool follows = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold;
-  const bool flying = session_.phase() == FlightPhase::flying && !orders_.waits_to_land();
+  const bool flying = session_.phase() == FlightPhase::flying && !orders_.is_landing_requested();
   return flying && follows && at.healthy ? DropReason::none : DropReason::not_flying;
 }
 
@@ -116,7 +116,7 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
 DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept {
   const FlightPhase phase = session_.phase();
   const bool is_up = phase == FlightPhase::taking_off || phase == FlightPhase::flying;
-  if (is_up && !orders_.waits_to_land()) return DropReason::none;
+  if (is_up && !orders_.is_landing_requested()) return DropReason::none;
   if (const DropReason reason = orders_.takeoff_refusal(plan); reason != DropReason::none) return reason;
   update_inputs(at, {});
   inputs_.needs_position = !(plan.body_frame && by_hand_without_pose_);
@@ -181,7 +181,7 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   const TimeNs now = at.now;
   watch_phase(at);
   orders_.forget_cleared_stops();
-  Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.waits_to_land());
+  Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.is_landing_requested());
   update_inputs(at, setpoint);
   inputs_.contact_lost = session_.has_lost_contact(now);
   const FailsafeMode before = failsafe_.mode;
@@ -192,8 +192,8 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   LEDGERLINE_CHECK(!inputs_.stop || !is_in_flight(inputs_.phase) || failsafe_.mode >= FailsafeMode::land,
                    "one that is stopped lands", number_, name(failsafe_.mode));
   obey_failsafe(now);
-  if (orders_.waits_to_land() && !landing_waits(at)) session_.request_land(now);
-  if (orders_.waits_to_land()) setpoint = setpoints_.desired(now, true);
+  if (orders_.is_landing_requested() && !should_delay_landing(at)) session_.request_land(now);
+  if (orders_.is_landing_requested()) setpoint = setpoints_.desired(now, true);
   if (session_.phase() == FlightPhase::flying) fly(at, setpoint);
   send_commands(at);
   watch_phase(at);
@@ -238,7 +238,7 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
     return;
   }
   // A drone that had to land and did not wait is not flying any more.
-  const bool lands = orders_.waits_to_land();
+  const bool lands = orders_.is_landing_requested();
   const Steering steering{.follows = lands || follows_plan(failsafe_.mode, setpoint.valid),
                           .steps_aside = steps_aside(),
                           .brakes = failsafe_.mode == FailsafeMode::brake,
@@ -268,26 +268,27 @@ bool DroneLink::is_placed(TimeNs now) const noexcept {
   return now - position_.pose().stamp_ns <= pose_limit_ns(failsafe_settings_, inputs_.by_odometry);
 }
 
-bool DroneLink::landing_waits(const LinkMoment& at) const noexcept {
+bool DroneLink::should_delay_landing(const LinkMoment& at) const noexcept {
   const auto& clearance = setpoints_.clearance();
-  return clearance && clearance->landing_waits && at.healthy && can_wait_to_land(failsafe_, inputs_) &&
+  return clearance && clearance->landing_blocked && at.healthy && can_wait_to_land(failsafe_, inputs_) &&
          is_placed(at.now) && orders_.may_wait_longer(at.now);
 }
 
 bool DroneLink::makes_room() const noexcept {
-  return session_.phase() == FlightPhase::flying && (orders_.waits_to_land() || steps_aside());
+  return session_.phase() == FlightPhase::flying && (orders_.is_landing_requested() || steps_aside());
 }
 
 bool DroneLink::is_too_near() const noexcept {
   const auto& clearance = setpoints_.clearance();
   if (!clearance) return false;
-  return clearance->kind != Clearance::Kind::unchanged || (orders_.waits_to_land() && clearance->landing_waits) ||
+  return clearance->kind != Clearance::Kind::unchanged ||
+         (orders_.is_landing_requested() && clearance->landing_blocked) ||
          (!session_.is_possibly_in_flight() && clearance->takeoff_refused);
 }
 
 Neighbour::Kind DroneLink::kind_as_neighbour(bool is_steered) const noexcept {
   const bool sinks = session_.phase() == FlightPhase::landing || failsafe_.mode == FailsafeMode::cut ||
-                     (failsafe_.mode == FailsafeMode::land && !orders_.waits_to_land());
+                     (failsafe_.mode == FailsafeMode::land && !orders_.is_landing_requested());
   if (!session_.is_possibly_in_flight()) return Neighbour::Kind::standing;
   if (sinks) return Neighbour::Kind::sinking;
   if (session_.phase() == FlightPhase::taking_off) return Neighbour::Kind::rising;
@@ -301,9 +302,9 @@ std::optional<Neighbour> DroneLink::as_neighbour(TimeNs now) noexcept {
   const double sigma_m = std::sqrt(static_cast<double>(std::max(pose.variance[0], pose.variance[1])));
   if (sigma_m > max_sigma_m) return std::nullopt;
   if (!session_.is_possibly_in_flight() && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return std::nullopt;
-  const Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.waits_to_land());
+  const Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.is_landing_requested());
   const bool flying = session_.phase() == FlightPhase::flying;
-  const bool steered = flying && (orders_.waits_to_land() || follows_plan(failsafe_.mode, setpoint.valid));
+  const bool steered = flying && (orders_.is_landing_requested() || follows_plan(failsafe_.mode, setpoint.valid));
   Neighbour out{.number = number_,
                 .kind = kind_as_neighbour(steered),
                 .motion = {.position_m = position_.position_m(),
@@ -312,7 +313,7 @@ std::optional<Neighbour> DroneLink::as_neighbour(TimeNs now) noexcept {
                            .age_s = to_seconds(now - pose.stamp_ns),
                            .blur_m = blur_sigmas * sigma_m},
                 .can_step_aside = flying && failsafe_.mode == FailsafeMode::hold && is_placed(now),
-                .lands = orders_.waits_to_land(),
+                .lands = orders_.is_landing_requested(),
                 .floor_m = fence_.min_m[2],
                 .ceiling_m = fence_.max_m[2]};
   if (flying) {

@@ -68,7 +68,7 @@ class DroneLink {
   void place_by_height() noexcept;
   Neighbour::Kind kind_as_neighbour(bool is_steered) const noexcept;
   /// Another is below the drone that is to land, link can still steer it, and its time is not over.
-  bool landing_waits(const LinkMoment& at) const noexcept;
+  bool should_delay_landing(const LinkMoment& at) const noexcept;
   bool is_too_near() const noexcept;
   void obey_failsafe(TimeNs now) noexcept;
   /// A hold with a usable position gets out of the wash of another that hovers above or below.

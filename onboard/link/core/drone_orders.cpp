@@ -5,7 +5,7 @@
 namespace ledgerline::link {
 
 DropReason DroneOrders::takeoff_refusal(const Plan& plan) const noexcept {
-  if (waits_to_land() || !is_on_ground(session_.phase())) return DropReason::not_flying;
+  if (is_landing_requested() || !is_on_ground(session_.phase())) return DropReason::not_flying;
   return plan.state_stamp_ns <= takeoff_after_ns_ ? DropReason::too_old : DropReason::none;
 }
 
@@ -18,7 +18,7 @@ DropReason DroneOrders::land(TimeNs now) noexcept {
 
 void DroneOrders::request_landing(TimeNs now) noexcept {
   if (session_.phase() == FlightPhase::flying) {
-    if (!waits_to_land()) landing_requested_ns_ = now;  // the step sends it, this one where nobody is below
+    if (!is_landing_requested()) landing_requested_ns_ = now;  // the step sends it, this one where nobody is below
   } else {
     session_.request_land(now);
   }

@@ -5,7 +5,7 @@
 namespace ledgerline::link {
 
 /// What a drone is ordered to do besides flying plans: take off, land, stay down. Who stopped it and what clears that
-/// (docs/failsafe.md), and whether it waits to land. A stop stands until it is cleared by name: no plan, epoch, boot or
+/// (docs/failsafe.md), and whether it is to land. A stop stands until it is cleared by name: no plan, epoch, boot or
 /// agent does that. `session` outlives it. Core: no I/O, no clock, no allocation; one thread.
 class DroneOrders {
  public:
@@ -20,8 +20,8 @@ class DroneOrders {
   DropReason land(TimeNs now) noexcept;
   /// The failsafe's, at each step that it wants it.
   void request_landing(TimeNs now) noexcept;
-  /// Whether the landing waits, and whether its time limit allows more waiting.
-  bool waits_to_land() const noexcept { return landing_requested_ns_ != 0; }
+  /// Whether a landing is requested that has not begun yet, and whether its time limit allows more waiting.
+  bool is_landing_requested() const noexcept { return landing_requested_ns_ != 0; }
   bool may_wait_longer(TimeNs now) const noexcept { return now - landing_requested_ns_ < max_wait_ns_; }
 
   void stop(TimeNs now, const Plan& plan) noexcept;

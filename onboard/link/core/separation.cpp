@@ -363,14 +363,14 @@ void Separation::delay_landings() noexcept {
     if (in_[i].kind != Neighbour::Kind::steered && in_[i].kind != Neighbour::Kind::held) continue;
     Capsule column = drones_[i].now;
     column.low_m = below_all_m;
-    for (std::size_t j = 0; j < in_.size() && !clearances_[i].landing_waits; ++j) {
+    for (std::size_t j = 0; j < in_.size() && !clearances_[i].landing_blocked; ++j) {
       if (j == i || !drones_[i].near.test(j)) continue;
       // One that stands is where it was put; half of the margin is for who comes down.
       const bool stands = in_[j].kind == Neighbour::Kind::standing;
       const double apart_m = stands ? apart_m_ - settings_.margin_m / 2 : apart_m_;
       const double gap = gap_m(column, drones_[j].now);
       if (gap >= apart_m || gap >= gap_m(drones_[i].now, drones_[j].now)) continue;
-      clearances_[i].landing_waits = true;
+      clearances_[i].landing_blocked = true;
       if (in_[i].lands) clearances_[i].other = in_[j].number;
     }
   }

@@ -132,7 +132,7 @@ struct Clearance {
   Vec3 velocity_mps{};           ///< what it may fly
   DroneNumber other = 0;         ///< because of whom
   bool takeoff_refused = false;  ///< of one that stands: another is beside it or above
-  bool landing_waits = false;    ///< of one in the air: another is below, or stands there, and a landing would wait
+  bool landing_blocked = false;  ///< of one in the air: another is below, or stands there, and a landing would wait
 };
 
 /// Keeps drones of one host apart: never nearer than `min_m`, and nobody waits for ever.

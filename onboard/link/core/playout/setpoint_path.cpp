@@ -55,8 +55,8 @@ bool Limiter::is_within_limits() const noexcept {
          std::abs(output_.yaw_radps) <= rounding * settings_.max_yaw_rate_radps;
 }
 
-Playout::CurrentSetpoint SetpointPath::desired(TimeNs now, bool waits_to_land) noexcept {
-  if (!waits_to_land) return playout_.setpoint(now);
+Playout::CurrentSetpoint SetpointPath::desired(TimeNs now, bool landing_requested) noexcept {
+  if (!landing_requested) return playout_.setpoint(now);
   return {.valid = true, .velocity = {{0, 0, -landing_mps}, 0}, .body_frame = by_hand_};
 }
 

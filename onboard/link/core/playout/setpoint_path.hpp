@@ -59,7 +59,7 @@ class SetpointPath {
   void set_by_hand(bool by_hand) noexcept { by_hand_ = by_hand; }
   bool is_by_hand() const noexcept { return by_hand_; }
   /// Of its plans; while a landing waits: downward.
-  Playout::CurrentSetpoint desired(TimeNs now, bool waits_to_land) noexcept;
+  Playout::CurrentSetpoint desired(TimeNs now, bool landing_requested) noexcept;
 
   /// What of it may be flown, as separation says in this step; none: it is alone.
   void set_clearance(const std::optional<Clearance>& clearance) noexcept { clearance_ = clearance; }

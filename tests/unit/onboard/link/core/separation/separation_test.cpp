@@ -186,7 +186,7 @@ TEST(Separation, OneThatIsToLandAboveAPathWaitsUntilTheOtherHasPassed) {
     bool waited = false;
     for (int i = 0; i < 4000; ++i) {
       world.step();
-      waited = waited || world.drones[landing - 1U].clearance.landing_waits;
+      waited = waited || world.drones[landing - 1U].clearance.landing_blocked;
     }
     EXPECT_TRUE(waited);
     EXPECT_LT(world.drones[landing - 1U].place[2], 0.2);
@@ -205,8 +205,8 @@ TEST(Separation, ALandingDoesNotWaitForWhoIsBesideItOrAbove) {
                                           .lands = true,
                                           .ceiling_m = 3}};
     const Clearance clearance = separation.step(0.001, neighbours)[1];
-    EXPECT_EQ(clearance.other, clearance.landing_waits ? 1 : 0);
-    return clearance.landing_waits;
+    EXPECT_EQ(clearance.other, clearance.landing_blocked ? 1 : 0);
+    return clearance.landing_blocked;
   };
   using Kind = Neighbour::Kind;
   EXPECT_TRUE(waits({0.3, 0, 0.2}, Kind::steered));

@@ -80,7 +80,7 @@ class TrafficWorld {
     for (std::size_t i = 0; i < drones.size(); ++i) {
       PointDrone& d = drones[i];
       d.clearance = clearances[i];
-      if (d.lands && !d.clearance.landing_waits) d.kind = Neighbour::Kind::sinking;
+      if (d.lands && !d.clearance.landing_blocked) d.kind = Neighbour::Kind::sinking;
       const bool steered = d.kind == Neighbour::Kind::steered;
       const Vec3 sent = steered ? clipped(d, clearances[i].velocity_mps) : Vec3{};
       Velocity desired;
