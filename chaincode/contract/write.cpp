@@ -85,7 +85,7 @@ Status write_frame(Stub& stub, const SetCall& set, Records<Host>& hosts) {
   const auto host = hosts.at(host_key(stub.caller()));
   if (!host) return host.error();
   Names& streams = *(*host)->mutable_streams();
-  std::vector<Asset> frame;
+  std::vector<Asset> batch;
   std::size_t bytes = 0;
   for (const auto& [id, asset] : newest(set)) {
     const std::string drone = first_segment(id);
@@ -100,14 +100,14 @@ Status write_frame(Stub& stub, const SetCall& set, Records<Host>& hosts) {
       }
     }
     bytes += asset->ByteSizeLong();
-    frame.push_back(*asset);
+    batch.push_back(*asset);
   }
-  if (bytes > contract::max_frame_bytes) {
-    return Error{"the frame has " + std::to_string(bytes) + " bytes; the limit is " +
-                 std::to_string(contract::max_frame_bytes)};
+  if (bytes > contract::max_batch_bytes) {
+    return Error{"the batch has " + std::to_string(bytes) + " bytes; the limit is " +
+                 std::to_string(contract::max_batch_bytes)};
   }
   if (Status status = hosts.write(); !status) return status;
-  return write_stored(stub, frame_key(stub.caller()), std::move(frame));
+  return write_stored(stub, frame_key(stub.caller()), std::move(batch));
 }
 
 }  // namespace

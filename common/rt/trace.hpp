@@ -15,8 +15,8 @@ enum class TraceKind : std::uint16_t {
                          ///< turned over
   state_sampled = 2,     ///< link: id = state sequence, stamp = its time, v = x, y, z [m], yaw [rad]; without a pose
                          ///< x and y are NaN and z is its own height; extra = battery, per mille, 0: not known
-  frame_submitted = 3,   ///< agent: id = batch number, extra = samples in it
-  frame_committed = 4,   ///< agent: id = batch number, extra = samples in it, stamp = when it was submitted
+  batch_submitted = 3,   ///< agent: id = batch number, extra = samples in it
+  batch_committed = 4,   ///< agent: id = batch number, extra = samples in it, stamp = when it was submitted
   state_received = 5,    ///< ground: id = state sequence, stamp = the state's
   command_made = 6,      ///< ground: id = plan sequence, stamp = its state's, v = vx, vy, vz [m/s] of its first
                          ///< setpoint, progress [m]; extra = its action

@@ -23,9 +23,9 @@ struct Stage {
 /// The waterfall: each begins where the one before ends.
 inline constexpr std::array<Stage, mark_count - 1> stages{{
     {"ring", "shared memory, until agent takes the sample", Mark::sampled, Mark::taken},
-    {"batch", "waits for its frame", Mark::taken, Mark::batched},
+    {"batch", "waits for its batch", Mark::taken, Mark::batched},
     {"endorse", "the peer runs the contract and signs", Mark::batched, Mark::endorsed},
-    {"order", "until the orderer acknowledges the frame", Mark::endorsed, Mark::ordered},
+    {"order", "until the orderer acknowledges the batch", Mark::endorsed, Mark::ordered},
     {"deliver", "block cut, committed and read by ground", Mark::ordered, Mark::delivered},
     {"control", "ground makes the command", Mark::delivered, Mark::made},
     {"queue", "waits for ground's call", Mark::made, Mark::submitted},

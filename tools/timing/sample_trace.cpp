@@ -58,7 +58,7 @@ void SampleTraces::add(Writer writer, const TraceRecord& record, std::uint32_t l
     if (record.kind == TraceKind::setpoint_left) set_mark(record, Mark::at_device, life);
     return;
   }
-  Calls& calls = writer == Writer::agent ? frames_ : calls_;
+  Calls& calls = writer == Writer::agent ? batches_ : calls_;
   if (record.kind == TraceKind::call_endorsed || record.kind == TraceKind::call_ordered) {
     Call& call = calls[{life, record.id}];
     call.submitted_ns = record.stamp_ns;
@@ -88,7 +88,7 @@ void SampleTraces::set_mark(const TraceRecord& record, Mark mark, std::uint32_t 
   }
   at(open.trace, mark) = std::max(open.trace.at(mark), record.t_ns);
   if (mark == Mark::sampled) open.trace.sequence = record.id;
-  if (mark == Mark::batched) open.frame = {life, record.extra};
+  if (mark == Mark::batched) open.batch = {life, record.extra};
   if (mark == Mark::submitted) open.call = {life, record.extra};
   if (mark == Mark::received) open.trace.margin_ns = static_cast<TimeNs>(record.extra) * ns_per_us;
   if (mark == Mark::applied) open.trace.late_ns = static_cast<TimeNs>(record.extra) * ns_per_us;
@@ -96,10 +96,10 @@ void SampleTraces::set_mark(const TraceRecord& record, Mark mark, std::uint32_t 
 
 bool SampleTraces::finish(Open& open) const {
   SampleTrace& trace = open.trace;
-  const auto frame = frames_.find(open.frame), call = calls_.find(open.call);
-  if (frame != frames_.end() && trace.has(Mark::batched)) {
-    at(trace, Mark::endorsed) = frame->second.endorsed_ns;
-    at(trace, Mark::ordered) = frame->second.ordered_ns;
+  const auto batch = batches_.find(open.batch), call = calls_.find(open.call);
+  if (batch != batches_.end() && trace.has(Mark::batched)) {
+    at(trace, Mark::endorsed) = batch->second.endorsed_ns;
+    at(trace, Mark::ordered) = batch->second.ordered_ns;
   }
   if (call != calls_.end() && trace.has(Mark::submitted)) {
     at(trace, Mark::command_endorsed) = call->second.endorsed_ns;
@@ -134,7 +134,7 @@ std::vector<SampleTrace> SampleTraces::pop(TimeNs sampled_before_ns) {
     }
   }
   open_.erase(open_.begin(), it);
-  for (Calls* calls : {&frames_, &calls_}) {
+  for (Calls* calls : {&batches_, &calls_}) {
     std::erase_if(*calls, [&](const auto& c) { return c.second.submitted_ns < sampled_before_ns - calls_kept_ns; });
   }
   return traces;

@@ -78,7 +78,7 @@ class SampleTraces {
   using CallKey = std::pair<std::uint32_t, std::uint64_t>;  ///< life of the writer, number
   struct Open {
     SampleTrace trace;
-    CallKey frame{}, call{};  ///< number 0: none
+    CallKey batch{}, call{};  ///< number 0: none
   };
   struct Call {
     TimeNs submitted_ns = 0, endorsed_ns = 0, ordered_ns = 0;
@@ -90,7 +90,7 @@ class SampleTraces {
   bool finish(Open& open) const;
 
   std::map<std::pair<TimeNs, std::uint16_t>, Open> open_;
-  Calls frames_, calls_;  ///< the transactions of agent (batches of states) and of ground (its calls)
+  Calls batches_, calls_;  ///< the transactions of agent (batches of states) and of ground (its calls)
   Counters counters_;
 };
 

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "common/base/enum_count.hpp"
-#include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/rules.hpp"
+#include "common/bridge/core/set_call.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/histogram.hpp"

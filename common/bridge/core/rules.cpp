@@ -168,8 +168,8 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
     if (host && std::ranges::find(host->topics, rule.name) != host->topics.end())
       config.wrong(at + "name",
                    fmt::format("is \"{}\", which this program brings to or from the ledger itself", rule.name));
-    if (host && host->has_frame && rule.stream) {
-      config.wrong(at + "stream", "must not be true here: the one frame of this identity has the states of its drones");
+    if (host && host->sends_states && rule.stream) {
+      config.wrong(at + "stream", "must not be true here: the one batch of this identity has the states of its drones");
     }
     const bool below_enrolled = std::ranges::any_of(
         out.enrolled, [&](const std::string& name) { return rule.name.starts_with("/" + name + "/"); });

@@ -53,7 +53,7 @@ struct BridgeConfig {
 struct Host {
   std::vector<std::string> topics;    ///< it reads or writes these itself: they are left out
   std::vector<std::string> enrolled;  ///< names that are its identity's, besides those in [[enrolled]]
-  bool has_frame = false;             ///< its identity's batches are its own states, so no topic may ride in them
+  bool sends_states = false;          ///< its identity's batches are its drones' states, so no topic may ride in them
 };
 
 /// Reads [bridge], [[enrolled]], [[topic]] and [output] status, status_period_ms, checkpoint; config.finish() then says

@@ -204,7 +204,7 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
     const std::size_t size = size_of(slot.queue.front());
     if (!messages.empty() && (bytes + size > limit || messages.size() == contract::max_call_assets - max_topics)) break;
     Message message = pop(*topic);
-    if (kind == stream && !fits_frame(message)) {
+    if (kind == stream && !fits_batch(message)) {
       drop(std::move(message), Drop::too_big);
       continue;
     }
@@ -219,7 +219,7 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
   }
   if (messages.empty()) return std::nullopt;
   std::string argument;
-  argument.reserve(bytes + 2 + (kind == stream ? contract::max_frame_bytes : 0));
+  argument.reserve(bytes + 2 + (kind == stream ? contract::max_batch_bytes : 0));
   for (const Message& message : messages) append(argument, message);
   if (kind == stream) {
     repeat_others(argument, number);
@@ -235,12 +235,12 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
 }
 
 // The contract bounds the sum of the newest values, in which topics stand beside ids.
-bool Uplink::fits_frame(const Message& message) {
+bool Uplink::fits_batch(const Message& message) {
   std::size_t bytes = size_of(message) + topics_[message.topic].id.size();
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     if (i != message.topic && slots_[i].has_newest) bytes += size_of(slots_[i].newest) + topics_[i].id.size();
   }
-  return bytes <= contract::max_frame_bytes;
+  return bytes <= contract::max_batch_bytes;
 }
 
 // A host's batches have one key: what a call leaves out would soon be gone from `get`.

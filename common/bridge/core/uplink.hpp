@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "common/base/enum_count.hpp"
-#include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/rules.hpp"
+#include "common/bridge/core/set_call.hpp"
 #include "common/fabric/calls/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
@@ -157,7 +157,7 @@ class Uplink {
   bool assign_lane(std::size_t topic, Kind kind, TimeNs now);
   std::optional<std::size_t> first_topic(Kind kind, TimeNs now);
   std::optional<Submit> make_call(Kind kind, TimeNs now);
-  bool fits_frame(const Message& message);
+  bool fits_batch(const Message& message);
   void repeat_others(std::string& call, std::uint64_t number);
   void append(std::string& call, const Message& message) const;
   void on_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome);

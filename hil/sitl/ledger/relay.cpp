@@ -179,8 +179,8 @@ std::optional<Relay::Event> Relay::tampered_command(const std::string& payload) 
 }
 
 // First the lease, then a climb and a flight ahead: all of it under the host's own signature.
-std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
-  for (const Asset& asset : frame.assets()) {
+std::optional<Relay::Event> Relay::host_flies(const SetCall& batch) {
+  for (const Asset& asset : batch.assets()) {
     if (asset.msg_type() != link_status_type) continue;
     const auto state = state_from_cdr(asset.msg_data(), "");
     if (!state) continue;
@@ -202,10 +202,10 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
   return std::nullopt;
 }
 
-std::optional<Relay::Event> Relay::tampered_frame(const std::string& payload) {
-  auto frame = parsed<SetCall>(payload);
-  if (!frame.stream() || frame.assets().empty()) return std::nullopt;
-  const std::string drone = frame.assets(0).id().substr(0, frame.assets(0).id().find('/'));
+std::optional<Relay::Event> Relay::tampered_batch(const std::string& payload) {
+  auto batch = parsed<SetCall>(payload);
+  if (!batch.stream() || batch.assets().empty()) return std::nullopt;
+  const std::string drone = batch.assets(0).id().substr(0, batch.assets(0).id().find('/'));
   const Control record = record_of(drone);
   switch (tampering_) {
     case RelayTampering::frame_cut:
@@ -221,16 +221,16 @@ std::optional<Relay::Event> Relay::tampered_frame(const std::string& payload) {
     case RelayTampering::frame_back:
       return Event{contract::acquire, held_by(record, rival, 0)};
     case RelayTampering::frame_flies:
-      return host_flies(frame);
+      return host_flies(batch);
     case RelayTampering::frame_replayed:
-      if (earlier_frame_.empty()) earlier_frame_ = payload;
+      if (earlier_batch_.empty()) earlier_batch_ = payload;
       break;
     default:
       break;
   }
-  const auto earlier = parsed<SetCall>(earlier_frame_);
-  for (int i = 0; i < frame.assets_size(); ++i) {
-    Asset& asset = *frame.mutable_assets(i);
+  const auto earlier = parsed<SetCall>(earlier_batch_);
+  for (int i = 0; i < batch.assets_size(); ++i) {
+    Asset& asset = *batch.mutable_assets(i);
     auto odometry = odometry_from_cdr(asset.msg_data());
     if (asset.msg_type() != odometry_type || !odometry) continue;
     if (tampering_ == RelayTampering::frame_pose) odometry->position_m[0] += 3;
@@ -240,7 +240,7 @@ std::optional<Relay::Event> Relay::tampered_frame(const std::string& payload) {
     }
     asset.set_msg_data(to_cdr(*odometry));
   }
-  return Event{contract::set, frame.SerializeAsString()};
+  return Event{contract::set, batch.SerializeAsString()};
 }
 
 // `payload`: the honest event.
@@ -267,7 +267,7 @@ std::string Relay::tamper(const fabric::Call& call, std::string bytes) {
   auto opened = fabric::open_transaction(bytes);
   if (!opened) return bytes;
   auto event = parsed<protos::ChaincodeEvent>(opened->result.events());
-  const auto tampered = call.function == contract::set       ? tampered_frame(call.args.at(0))
+  const auto tampered = call.function == contract::set       ? tampered_batch(call.args.at(0))
                         : call.function == contract::command ? tampered_command(call.args.at(0))
                                                              : tampered_stop(event.payload());
   if (!tampered) return bytes;

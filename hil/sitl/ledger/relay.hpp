@@ -87,16 +87,16 @@ class Relay {
     std::string name, payload;
   };
   std::optional<Event> tampered_command(const std::string& payload);
-  std::optional<Event> tampered_frame(const std::string& payload);
+  std::optional<Event> tampered_batch(const std::string& payload);
   std::optional<Event> tampered_stop(const std::string& payload) const;
-  std::optional<Event> host_flies(const SetCall& frame);
+  std::optional<Event> host_flies(const SetCall& batch);
 
   Control record_of(const std::string& drone) const;
 
   Names names_;
   RelayTampering tampering_ = RelayTampering::none;
   bool compared_ = false;
-  std::string earlier_command_, earlier_frame_;
+  std::string earlier_command_, earlier_batch_;
   std::uint64_t host_sequence_ = 0;
 };
 

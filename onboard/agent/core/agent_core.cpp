@@ -159,7 +159,7 @@ bool AgentCore::end_batch(TimeNs now, std::uint64_t number, const fabric::Outcom
   if (outcome.kind != fabric::Outcome::Kind::committed) return true;
   stop_applier_.on_renewed();
   out.traces.push_back(
-      record_of(TraceKind::frame_committed, now, 0, number, ended->submitted_ns, ended->samples.size()));
+      record_of(TraceKind::batch_committed, now, 0, number, ended->submitted_ns, ended->samples.size()));
   return true;
 }
 
@@ -246,7 +246,7 @@ void AgentCore::submit_batch(TimeNs now, AgentOutputs& out) {
     out.traces.push_back(
         record_of(TraceKind::state_batched, now, sample.drone, sample.sequence, sample.stamp_ns, batch->number));
   }
-  out.traces.push_back(record_of(TraceKind::frame_submitted, now, 0, batch->number, 0, batch->samples.size()));
+  out.traces.push_back(record_of(TraceKind::batch_submitted, now, 0, batch->number, 0, batch->samples.size()));
   submit(now, Sender::batcher, batch->number, encode_batch(*batch, config_.drones, real_offset_ns_), out);
 }
 

@@ -142,7 +142,7 @@ int run(Config& config) {
 }
 
 const char* const about =
-    "Talks to the ledger for the drones of this host: states from link go out in frames, commands come back in\n"
+    "Talks to the ledger for the drones of this host: states from link go out in batches, commands come back in\n"
     "blocks, are checked, and go to link as plans; mocap becomes pose and velocity.";
 
 const std::string notes =

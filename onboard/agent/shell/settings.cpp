@@ -164,7 +164,7 @@ std::vector<Settings> settings_of_channels(const Settings& process, const fabric
 }
 
 bridge::BridgeConfig read_bridge(Config& config, const std::vector<DroneName>& drones) {
-  bridge::Host host{.topics = {}, .enrolled = {}, .has_frame = true};
+  bridge::Host host{.topics = {}, .enrolled = {}, .sends_states = true};
   for (const DroneName& drone : drones) {
     host.enrolled.push_back(drone.name);
     for (const char* own : {"odom", "link", "battery", "failsafe", "alarm"})

@@ -111,7 +111,7 @@ void LinkCore::dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept
 
 void LinkCore::sample(const LinkMoment& at) noexcept {
   if (at.now < next_sample_ns_) return;
-  // All drones at one moment, so that their samples ride in one frame.
+  // All drones at one moment, so that their samples go out in one batch.
   for (DroneLink& drone : drones_) drone.sample(at);
   next_sample_ns_ += period_ns_;
   if (next_sample_ns_ <= at.now) next_sample_ns_ = at.now + period_ns_;

@@ -336,7 +336,7 @@ REFUSALS = [
     ("host", "set", [asset("free/odom")], "free/odom: it streams; set it with stream, or delete it first"),
     ("host", "set", [{"assets": [asset("Org1MSP/a")], "stream": True}],
      "Org1MSP/a: only ids under an enrolled name may stream"),
-    ("host", "set", [{"assets": [asset("free/odom", bytes(32_000))], "stream": True}], "the frame has 32"),
+    ("host", "set", [{"assets": [asset("free/odom", bytes(32_000))], "stream": True}], "the batch has 32"),
     ("host", "set", [{"assets": [{"id": "full/more", "msgType": "t"}], "stream": True}],
      "full: 65 ids would stream; the limit is 64"),
 

@@ -102,7 +102,7 @@ TEST_F(AssetsTest, EveryLimitIsNamedWhenItIsPassed) {
               HasSubstr("the limit is 1000000"));
   EXPECT_THAT(set(host, std::vector<Asset>(contract::max_call_assets + 1, asset("tello1/x"))).message,
               HasSubstr("1001 assets; the limit is 1000"));
-  EXPECT_THAT(set(host, {asset("tello1/x", std::string(contract::max_frame_bytes, 'x'))}, true).message,
+  EXPECT_THAT(set(host, {asset("tello1/x", std::string(contract::max_batch_bytes, 'x'))}, true).message,
               HasSubstr("the limit is 32000"));
   std::vector<Asset> many;
   for (std::size_t i = 0; i <= contract::max_drone_streams; ++i) many.push_back(asset("tello1/s" + std::to_string(i)));
@@ -114,7 +114,7 @@ TEST_F(AssetsTest, NothingIsWrittenWhenOneAssetIsRefused) {
   EXPECT_EQ(value_of("tello1/good"), "tello1/good: not found");
 }
 
-TEST_F(AssetsTest, AStreamingFrameReadsNoKeyThatItWrites) {
+TEST_F(AssetsTest, AStreamingBatchReadsNoKeyThatItWrites) {
   set(host, {asset("tello1/odom"), asset("tello2/odom")}, true);
   EXPECT_THAT(stub.writes, SizeIs(2)) << "the frame, and the host's record once";
   set(host, {asset("tello1/odom", "new"), asset("tello2/odom")}, true);
@@ -133,13 +133,13 @@ TEST_F(AssetsTest, GetIsAtMostThreeReads) {
   EXPECT_THAT(stub.reads, SizeIs(3));
 }
 
-TEST_F(AssetsTest, AnIdThatTheNewestFrameLeavesOutIsFoundInHistory) {
+TEST_F(AssetsTest, AnIdThatTheNewestBatchLeavesOutIsFoundInHistory) {
   set(host, {asset("tello1/odom", "old"), asset("tello2/odom")}, true);
   set(host, {asset("tello2/odom")}, true);
   EXPECT_EQ(value_of("tello1/odom"), "old");
 }
 
-TEST_F(AssetsTest, WithoutHistoryAListHasWhatTheNewestFrameHasAndTheOneIdSaysWhy) {
+TEST_F(AssetsTest, WithoutHistoryAListHasWhatTheNewestBatchHasAndTheOneIdSaysWhy) {
   set(host, {asset("tello1/battery"), asset("tello1/odom")}, true);
   set(host, {asset("tello1/odom", "newest")}, true);
   stub.has_history = false;
@@ -304,7 +304,7 @@ TEST_F(AssetsTest, AListingOfRecordsCountsWhatBelongsToThem) {
   EXPECT_EQ(found.size(), 202U);
 }
 
-TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfOldFramesAndGoesOnInTheNextPage) {
+TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfOldBatchesAndGoesOnInTheNextPage) {
   std::vector<std::string> expected;
   for (int i = 1; i <= 5; ++i) {  // ids that streamed once, long ago
     expected.push_back("tello1/once" + std::to_string(i));
@@ -330,7 +330,7 @@ TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfOldFramesAndGoesOnInTheNextPag
   EXPECT_GE(pages, 5);
 }
 
-TEST_F(AssetsTest, ManyIdsInOneOldFrameCostAsMuchAsOne) {
+TEST_F(AssetsTest, ManyIdsInOneOldBatchCostAsMuchAsOne) {
   std::vector<Asset> once;
   for (int i = 10; i < 60; ++i) once.push_back(asset("tello1/once" + std::to_string(i)));
   set(host, once, true);

@@ -108,7 +108,7 @@ TEST_F(DownlinkTest, DuplicatesAreDroppedByOriginTopicAndSequence) {
   EXPECT_THAT(take({set({asset("Org2MSP/a", 1), asset("Org2MSP/a", 2), asset("Org2MSP/a", 3), asset("Org2MSP/b", 1)})}),
               ElementsAre("/a=3", "/b=1"));
   EXPECT_EQ(refused(Refusal::duplicate), 1U);
-  EXPECT_EQ(refused(Refusal::repeated), 1U) << "the newest one again, as frames carry it along";
+  EXPECT_EQ(refused(Refusal::repeated), 1U) << "the newest one again, as batches carry it along";
 }
 
 TEST_F(DownlinkTest, GapsInASequenceAreCounted) {
@@ -142,7 +142,7 @@ TEST_F(DownlinkTest, AnIdOfAnOrganisationByAnotherIsNotPublished) {
   EXPECT_EQ(bad->id, "Org3MSP/a");
   EXPECT_EQ(bad->why, Refusal::wrong_writer);
   take({set({asset("Org2MSP/a", 1)}), set({asset("Org2MSP/a", 1)})});
-  EXPECT_FALSE(downlink->pop_refused()) << "what a frame repeats is not bad";
+  EXPECT_FALSE(downlink->pop_refused()) << "what a batch repeats is not bad";
 }
 
 TEST_F(DownlinkTest, WithoutAGoodSignatureOfAMemberNothingIsPublished) {
@@ -245,7 +245,7 @@ TEST_F(DownlinkTest, ATypeThatChangesIsPublishedAsTheNewOne) {
   EXPECT_EQ(downlink->topics()[0].type, "p/msg/B");
 }
 
-TEST_F(DownlinkTest, AWriterWithoutOriginIsTakenInTheLedgersOrderButForWhatItsFrameRepeats) {
+TEST_F(DownlinkTest, AWriterWithoutOriginIsTakenInTheLedgersOrderButForWhatItsBatchRepeats) {
   make({rule("/tello1/odom")});
   Asset odom = asset("tello1/odom", 1);
   odom.clear_origin();

@@ -114,7 +114,7 @@ TEST(BridgeRules, TheFirstOneThatMatchesDecidesAndMayLeaveATopicOut) {
 }
 
 TEST(BridgeRules, WhatAProgramCarriesItselfIsNotBridgedBesideIt) {
-  const Host agent{.topics = {"/tello1/odom"}, .enrolled = {"tello1"}, .has_frame = true};
+  const Host agent{.topics = {"/tello1/odom"}, .enrolled = {"tello1"}, .sends_states = true};
   auto config = Config::parse("[[topic]]\nname = \"/tello1/*\"\nfrom = \"tello1\"\n", "agent.toml");
   const BridgeConfig bridge = read_bridge(*config, &agent);
   ASSERT_TRUE(config->finish().ok());
@@ -128,7 +128,7 @@ TEST(BridgeRules, WhatAProgramCarriesItselfIsNotBridgedBesideIt) {
               HasSubstr("bridge.toml:2: topic.0.name: is \"/tello1/odom\", which this program brings"));
   EXPECT_THAT(problem_of("[[topic]]\nname = \"/tello1/note\"\nstream = true\n", &agent),
               HasSubstr("bridge.toml:3: topic.0.stream: must not be true here"));
-  const Host ground{.topics = {}, .enrolled = {"rover"}, .has_frame = false};
+  const Host ground{.topics = {}, .enrolled = {"rover"}, .sends_states = false};
   EXPECT_EQ(problem_of("[[topic]]\nname = \"/rover/note\"\nfrom = \"rover\"\nstream = true\n", &ground), "");
   EXPECT_EQ(problem_of("", &agent), "") << "no topics: no bridge";
 }

@@ -257,7 +257,7 @@ TEST_F(UplinkTest, ATopicThatTurnsBigKeepsItsOrder) {
   EXPECT_TRUE(next()->bulk);
 }
 
-TEST_F(UplinkTest, AFrameCarriesTheLastValuesOfTheOthersAlong) {
+TEST_F(UplinkTest, ABatchCarriesTheLastValuesOfTheOthersAlong) {
   Rule streaming = rule("/tello1/*");
   streaming.stream = true;
   make({streaming, rule("/*")});
@@ -269,18 +269,18 @@ TEST_F(UplinkTest, AFrameCarriesTheLastValuesOfTheOthersAlong) {
   finish(*first);
   add(odom, "3");
   add(note, "n");
-  const auto others = next(), frame = next();
+  const auto others = next(), batch = next();
   EXPECT_THAT(texts(*others), ElementsAre("Org1MSP/note=n"));
-  ASSERT_THAT(texts(*frame), ElementsAre("tello1/odom=3", "tello1/imu=2"));
-  EXPECT_EQ(parsed(*frame).assets(1).origin().sequence(), 1U) << "so readers know it";
-  finish(*frame);
+  ASSERT_THAT(texts(*batch), ElementsAre("tello1/odom=3", "tello1/imu=2"));
+  EXPECT_EQ(parsed(*batch).assets(1).origin().sequence(), 1U) << "so readers know it";
+  finish(*batch);
   EXPECT_EQ(counters(imu).on_ledger, 1U);
   EXPECT_EQ(counters(imu).batches, 1U);
   EXPECT_EQ(counters(odom).batches, 2U);
   expect_sums();
 }
 
-TEST_F(UplinkTest, WhatDoesNotFitTheFrameIsDroppedAndCounted) {
+TEST_F(UplinkTest, WhatDoesNotFitTheBatchIsDroppedAndCounted) {
   Rule streaming = rule("/tello1/*");
   streaming.stream = true;
   make({streaming});

@@ -184,7 +184,7 @@ TEST_F(FlightByHand, AStateSeenBeforeMakesNoSecondPlan) {
   EXPECT_EQ(core.status(0).states_received, 1u);
 }
 
-TEST_F(FlightByHand, WhatRidesAgainInAFrameIsNoNewsButTransitionsAlwaysAre) {
+TEST_F(FlightByHand, WhatRidesAgainInABatchIsNoNewsButTransitionsAlwaysAre) {
   StateSample sample;
   sample.boot_id = 9;
   sample.sequence = 5;
@@ -492,7 +492,7 @@ TEST_F(FlightByHand, TracesSayWhenItsCallWasEndorsedAndOrdered) {
   EXPECT_EQ(out.traces[1].id, sent.submissions[0].id);
 }
 
-TEST(FlightWithAFaultyLedger, WhatIsNoFrameOrNoStateIsCounted) {
+TEST(FlightWithAFaultyLedger, WhatIsNoBatchOrNoStateIsCounted) {
   FlightCore core(config_for(1));
   StateSample sample;
   sample.sequence = 1;
@@ -501,8 +501,8 @@ TEST(FlightWithAFaultyLedger, WhatIsNoFrameOrNoStateIsCounted) {
   add_state(cut, "tello1", sample);
   std::string& cdr = *cut.mutable_assets(0)->mutable_msg_data();
   cdr.resize(cdr.size() / 2);
-  const std::string frame = good.SerializeAsString();
-  for (const std::string& payload : {frame.substr(0, frame.size() / 2), cut.SerializeAsString(), frame}) {
+  const std::string batch = good.SerializeAsString();
+  for (const std::string& payload : {batch.substr(0, batch.size() / 2), cut.SerializeAsString(), batch}) {
     fabric::Block block;
     block.transactions.push_back(event("set", payload));
     FlightInputs inputs;

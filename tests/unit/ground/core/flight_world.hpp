@@ -90,7 +90,7 @@ inline void add_state(SetCall& call, const std::string& drone, const StateSample
 }
 
 /// Drones that take off, fly and land, and a ledger that takes its time, around a FlightCore: 30 states a second, each
-/// frame and each command in a block of its own, `one_way_ns` later. Tests switch parts of it off.
+/// batch and each command in a block of its own, `one_way_ns` later. Tests switch parts of it off.
 class FlightWorld {
  public:
   explicit FlightWorld(FlightConfig config) : core(config) {
@@ -122,7 +122,7 @@ class FlightWorld {
     const TimeNs until_ns = now_ns + from_seconds(limit_s);
     const TimeNs land_ns = now_ns + from_seconds(land_at_s);
     for (; now_ns < until_ns && !core.done(); now_ns += ns_per_ms) {
-      if (now_ns >= next_frame_ns) send_frame();
+      if (now_ns >= next_batch_ns) send_batch();
       FlightInputs inputs;
       if (!land.empty() && now_ns >= land_ns) inputs.land = std::exchange(land, "");
       if (now_ns % (20 * ns_per_ms) == 0 || !inputs.land.empty()) give(inputs);
@@ -167,7 +167,7 @@ class FlightWorld {
   std::vector<Drone> drones;
   TimeNs now_ns = 1'000 * ns_per_s;
   TimeNs one_way_ns = 5 * ns_per_ms;
-  TimeNs next_frame_ns = 0;
+  TimeNs next_batch_ns = 0;
   std::uint64_t height = 1;
   std::vector<TraceRecord> traces;
   std::vector<CommandCall> calls;
@@ -223,8 +223,8 @@ class FlightWorld {
     put_block(control_event("stop", asked, event_of_stop.SerializeAsString(), stops.back().cut()));
   }
 
-  void send_frame() {
-    next_frame_ns = std::max(next_frame_ns, now_ns) + ns_per_s / 30;
+  void send_batch() {
+    next_batch_ns = std::max(next_batch_ns, now_ns) + ns_per_s / 30;
     SetCall call;
     for (Drone& drone : drones) {
       if (drone.silent) continue;

@@ -27,10 +27,10 @@ struct Flight {
   std::vector<TraceRecord> link, agent, ground;
 
   void trace(TimeNs sampled, std::uint64_t n) {
-    const auto frame = static_cast<std::uint32_t>(n), call = static_cast<std::uint32_t>(n);
+    const auto batch = static_cast<std::uint32_t>(n), call = static_cast<std::uint32_t>(n);
     link.push_back(record(TraceKind::state_sampled, sampled, sampled, n));
     agent.push_back(record(TraceKind::state_taken, sampled + 1 * ms, sampled, n));
-    agent.push_back(record(TraceKind::state_batched, sampled + 2 * ms, sampled, n, frame));
+    agent.push_back(record(TraceKind::state_batched, sampled + 2 * ms, sampled, n, batch));
     agent.push_back(record(TraceKind::call_endorsed, sampled + 3 * ms, sampled + 2 * ms, n));
     agent.push_back(record(TraceKind::call_ordered, sampled + 4 * ms, sampled + 2 * ms, n));
     ground.push_back(record(TraceKind::state_received, sampled + 5 * ms, sampled, n));

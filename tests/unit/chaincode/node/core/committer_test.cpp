@@ -63,14 +63,14 @@ TEST_F(CommitterTest, TheSameHoldsWithinOneBlock) {
   EXPECT_THAT(net.commit(), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
 }
 
-TEST_F(CommitterTest, AFrameInFlightIsInvalidatedByAChangeOfItsDronesRecord) {
-  const std::string frame = net.endorsed(net.host, "set", note("tello1/a"));
+TEST_F(CommitterTest, ABatchInFlightIsInvalidatedByAChangeOfItsDronesRecord) {
+  const std::string batch = net.endorsed(net.host, "set", note("tello1/a"));
   net.submit(net.admin1, "enroll", enroll_call({"Org1MSP", "CN=new"}, {"tello1"}));
-  net.core->order(frame, net.now);
+  net.core->order(batch, net.now);
   EXPECT_THAT(net.commit(), ElementsAre(protos::MVCC_READ_CONFLICT));
 }
 
-TEST_F(CommitterTest, FramesOfOneHostNeverConflict) {
+TEST_F(CommitterTest, BatchesOfOneHostNeverConflict) {
   net.config.batch_count = 5;
   net.restart();
   for (int i = 0; i < 5; ++i) net.core->order(net.endorsed(net.host, "set", note("tello1/a")), net.now);

@@ -34,7 +34,7 @@ class PolicyTest : public CoreTest {
     EXPECT_TRUE(envelope.ok()) << envelope.error().message;
     return *fabric::sign_envelope(who, *envelope);
   }
-  static std::string frame() {
+  static std::string batch() {
     SetCall call;
     EXPECT_TRUE(call.ParseFromString(note("tello1/odom")));
     call.set_stream(true);
@@ -44,9 +44,9 @@ class PolicyTest : public CoreTest {
 };
 
 TEST_F(PolicyTest, AStateAndACommandNeedThePeerOfTheDronesOrganisationAndNoOther) {
-  EXPECT_EQ(submit(net.host, "set", frame(), {1}), protos::ENDORSEMENT_POLICY_FAILURE);
-  EXPECT_EQ(submit(net.host, "set", frame(), {1, 2}), protos::ENDORSEMENT_POLICY_FAILURE);
-  EXPECT_EQ(submit(net.host, "set", frame(), {0}), protos::VALID);
+  EXPECT_EQ(submit(net.host, "set", batch(), {1}), protos::ENDORSEMENT_POLICY_FAILURE);
+  EXPECT_EQ(submit(net.host, "set", batch(), {1, 2}), protos::ENDORSEMENT_POLICY_FAILURE);
+  EXPECT_EQ(submit(net.host, "set", batch(), {0}), protos::VALID);
   EXPECT_EQ(submit(net.pilot, "acquire", "tello1", {0, 2}), protos::VALID);
   EXPECT_EQ(submit(net.pilot, "command", command(1), {1}), protos::ENDORSEMENT_POLICY_FAILURE);
   EXPECT_EQ(submit(net.pilot, "command", command(1), {0}), protos::VALID);
@@ -71,8 +71,8 @@ TEST_F(PolicyTest, WhatFollowsANewPolicyInItsBlockIsInvalid) {
 
 TEST_F(PolicyTest, PoliciesAreThereAgainAfterARestart) {
   net.restart();
-  EXPECT_EQ(submit(net.host, "set", frame(), {1, 2}), protos::ENDORSEMENT_POLICY_FAILURE);
-  EXPECT_EQ(submit(net.host, "set", frame(), {0}), protos::VALID);
+  EXPECT_EQ(submit(net.host, "set", batch(), {1, 2}), protos::ENDORSEMENT_POLICY_FAILURE);
+  EXPECT_EQ(submit(net.host, "set", batch(), {0}), protos::VALID);
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ struct IntakeWorld {
   StateIntake intake{config, leases, counters};
 };
 
-TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
+TEST(StateIntake, OfABatchEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
   IntakeWorld w(2);
   w.intake.accept(1, sample(9, 5), ns_per_s);
   SetCall call;
@@ -87,7 +87,7 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
   EXPECT_TRUE(updates[2].battery.empty());
 }
 
-TEST(StateIntake, WhatIsNoFrameIsCounted) {
+TEST(StateIntake, WhatIsNoBatchIsCounted) {
   IntakeWorld w(1);
   std::vector<DroneUpdate> updates;
   EXPECT_TRUE(w.intake.read(event("set", "\xff"), 0, updates).empty());

@@ -87,8 +87,8 @@ TEST_F(AgentCoreTest, AStateIsSubmittedAndItsCommandComesOutAsAPlanWithTheTwoWay
   EXPECT_NEAR(to_ms(report.two_way.quantile(0.5)), 13, 0.3);
   EXPECT_EQ(report.commands.verified, 1U);
   EXPECT_EQ(report.states.on_ledger, 1U);
-  EXPECT_EQ(traces(TraceKind::frame_submitted), 1U);
-  EXPECT_EQ(traces(TraceKind::frame_committed), 1U);
+  EXPECT_EQ(traces(TraceKind::batch_submitted), 1U);
+  EXPECT_EQ(traces(TraceKind::batch_committed), 1U);
   EXPECT_EQ(traces(TraceKind::command_verified), 1U);
 }
 
@@ -213,7 +213,7 @@ TEST_F(AgentCoreTest, AStopInABlockIsAppliedUntilTheLedgerHasIt) {
   EXPECT_EQ(core_.stop_applier().applied(), 1U);
 }
 
-TEST_F(AgentCoreTest, AFrameThatLacksEndorsementsHasTheRecordsRenewed) {
+TEST_F(AgentCoreTest, ABatchThatLacksEndorsementsHasTheRecordsRenewed) {
   core_.on_state(start, state(1, start), out_);
   core_.step(start, out_);
   fabric::Outcome outcome;
@@ -414,7 +414,7 @@ TEST_F(AgentCoreTest, ALedgerThatDoesNotAnswerWhatWasSentIsSilentAfterASecond) {
   EXPECT_TRUE(core_.ledger_alive(sent + 2 * ns_per_s));
 }
 
-TEST_F(AgentCoreTest, FramesThatFailDoNotKeepASilentLedgerAlive) {
+TEST_F(AgentCoreTest, BatchesThatFailDoNotKeepASilentLedgerAlive) {
   core_.on_block(start, ledger_.block({}), out_);
   TimeNs now = start;
   for (std::uint64_t k = 1; k <= 2000; ++k) {
@@ -481,7 +481,7 @@ TEST_F(AgentCoreTest, TheSameInputsGiveTheSameBytes) {
   EXPECT_EQ(once, run());
 }
 
-TEST_F(AgentCoreTest, ItSaysWhenTheNextFrameOrHeartbeatIsDue) {
+TEST_F(AgentCoreTest, ItSaysWhenTheNextBatchOrHeartbeatIsDue) {
   core_.step(start, out_);
   EXPECT_EQ(core_.due_ns(), INT64_MAX) << "the first heartbeat waits for poses, and nothing else is there";
   hear_poses(start + 1);

@@ -50,7 +50,7 @@ TEST(SampleTraces, AStageIsNotMeasuredWhereARecordIsLost) {
   EXPECT_EQ(metrics.find("two_way")->count(), 1U);
 }
 
-TEST(SampleTraces, ASampleThatWasMergedEndedBeforeItsFrame) {
+TEST(SampleTraces, ASampleThatWasMergedEndedBeforeItsBatch) {
   Flight flight;
   flight.trace(start, 1);
   flight.link.push_back(record(TraceKind::state_sampled, start + ms, start + ms, 2));
@@ -77,7 +77,7 @@ TEST(SampleTraces, OfDoubledRecordsTheFirstCounts) {
   EXPECT_EQ(traces.counters().doubled, 1U);
 }
 
-TEST(SampleTraces, OfTwoFramesThatASampleRodeInTheLastCounts) {
+TEST(SampleTraces, OfTwoBatchesThatASampleRodeInTheLastCounts) {
   Flight flight;
   flight.trace(start, 1);
   flight.of(TraceKind::state_batched).t_ns = start + ms;  // this one was refused because of another drone

@@ -34,7 +34,7 @@ void expect_adds_up(const Batcher& batcher, DroneNumber drone) {
 
 const std::vector<DroneName> three = {{1, "tello1"}, {2, "tello2"}, {3, "tello3"}};
 
-TEST(Batcher, TheNewestSampleOfEachDroneRidesInOneFrame) {
+TEST(Batcher, TheNewestSampleOfEachDroneRidesInOneBatch) {
   Batcher batcher({}, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   const auto batch = batcher.next(0);
@@ -42,7 +42,7 @@ TEST(Batcher, TheNewestSampleOfEachDroneRidesInOneFrame) {
   EXPECT_EQ(batch->samples.size(), 3U);
 }
 
-TEST(Batcher, OneFrameIsInFlightWhereThatIsCommittedSoon) {
+TEST(Batcher, OneBatchIsInFlightWhereThatIsCommittedSoon) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   const auto first = batcher.next(0);
@@ -74,7 +74,7 @@ Batcher after_one_frame(TimeNs ordered_after_ns) {
   return batcher;
 }
 
-TEST(Batcher, WhereBlocksAreCutLateFramesFollowEachOtherBehindAGap) {
+TEST(Batcher, WhereBlocksAreCutLateBatchesFollowEachOtherBehindAGap) {
   Batcher batcher = after_one_frame(2 * ns_per_ms);
   const int quickly_ordered = frames_in_flight(batcher, 0, 160 * ns_per_ms);
   EXPECT_GE(quickly_ordered, 9) << "the published settings cut a block of 10";
@@ -82,7 +82,7 @@ TEST(Batcher, WhereBlocksAreCutLateFramesFollowEachOtherBehindAGap) {
   expect_adds_up(batcher, 1);
 }
 
-TEST(Batcher, ALedgerAtItsLimitGetsFewerFrames) {
+TEST(Batcher, ALedgerAtItsLimitGetsFewerBatches) {
   Batcher batcher = after_one_frame(30 * ns_per_ms);
   EXPECT_LE(frames_in_flight(batcher, 0, 110 * ns_per_ms), 1);
 }
@@ -197,7 +197,7 @@ TEST(Batcher, ADroneThatOnlyRidesAlongAndIsRefusedPausesTooAndNothingIsLost) {
   for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
 }
 
-TEST(Batcher, KeepsTheMinimalGapBetweenFrames) {
+TEST(Batcher, KeepsTheMinimalGapBetweenBatches) {
   BatchConfig config;
   config.min_gap_ns = 10 * ns_per_ms;
   Batcher batcher(config, {{1, "tello1"}}, 1);
@@ -208,7 +208,7 @@ TEST(Batcher, KeepsTheMinimalGapBetweenFrames) {
   EXPECT_TRUE(batcher.next(10 * ns_per_ms));
 }
 
-TEST(Batcher, AFrameRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
+TEST(Batcher, ABatchRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
   BatchConfig config;
   config.min_gap_ns = ns_per_s;
   Batcher batcher(config, three, 1);
@@ -258,7 +258,7 @@ TEST(Batcher, ARefusedDronePausesAndThenRidesAgain) {
   EXPECT_TRUE(batcher.next(config.refused_drone_pause_ns));
 }
 
-TEST(Batcher, SamplesOfAnInvalidatedFrameAreDroppedAndTheNextGoesOnAtOnce) {
+TEST(Batcher, SamplesOfAnInvalidatedBatchAreDroppedAndTheNextGoesOnAtOnce) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   const auto first = batcher.next(0);
@@ -335,7 +335,7 @@ TEST(Batcher, SeedsGiveDifferentJitterAndTheSameSeedTheSame) {
   EXPECT_NE(pause(1), pause(2));
 }
 
-TEST(Batcher, TheEndOfAFrameThatIsNotInFlightChangesNothing) {
+TEST(Batcher, TheEndOfABatchThatIsNotInFlightChangesNothing) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   const auto batch = batcher.next(0);
@@ -388,7 +388,7 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
   }
 }
 
-TEST(EncodeFrame, WithoutAPoseThereIsNoOdometry) {
+TEST(EncodeBatch, WithoutAPoseThereIsNoOdometry) {
   StateBatch batch;
   batch.samples = {sample(1, 3)};
   SetCall set;
@@ -396,7 +396,7 @@ TEST(EncodeFrame, WithoutAPoseThereIsNoOdometry) {
   for (const Asset& asset : set.assets()) EXPECT_NE(asset.id(), "tello1/odom");
 }
 
-TEST(EncodeFrame, WritesTheStateOfEachDroneWithRealTimeInHeadersAndTheBatteryThatIsDue) {
+TEST(EncodeBatch, WritesTheStateOfEachDroneWithRealTimeInHeadersAndTheBatteryThatIsDue) {
   StateBatch batch;
   auto s = sample(2, 9, 5 * ns_per_s);
   s.position_m = {1, 2, 3};
@@ -439,7 +439,7 @@ TEST(EncodeFrame, WritesTheStateOfEachDroneWithRealTimeInHeadersAndTheBatteryTha
 }
 
 /// What a second at 30 states costs: a call's bytes are on the ledger as its argument and as the value that it writes.
-TEST(EncodeFrame, BytesOfAStateAreKnown) {
+TEST(EncodeBatch, BytesOfAStateAreKnown) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   std::size_t bytes = 0;
   constexpr int states = 480;
@@ -486,7 +486,7 @@ TEST(Batcher, ABatteryIsSentWhenItChangesOrWasNotCommittedWithEvery16thStateAndE
   EXPECT_FALSE(sends_battery(0.49F, Kind::committed));
 }
 
-TEST(Batcher, AFrameThatLingersIsDueWhenItHasLingered) {
+TEST(Batcher, ABatchThatLingersIsDueWhenItHasLingered) {
   Batcher batcher({.linger_ns = 3 * ns_per_ms}, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   batcher.finished(1, batcher.next(0)->number, outcome(Kind::committed));
@@ -498,7 +498,7 @@ TEST(Batcher, AFrameThatLingersIsDueWhenItHasLingered) {
 
 /// Who sleeps until a batch is due must not miss it, and who finds it due must get it: else a loop that waits for that
 /// moment sleeps too long, or spins.
-TEST(Batcher, ItIsDueExactlyWhenThereIsAFrame) {
+TEST(Batcher, ItIsDueExactlyWhenThereIsABatch) {
   const int flights = seeds(300, 20'000);
   int batches = 0;
   for (int seed = 1; seed <= flights; ++seed) {

@@ -80,7 +80,7 @@ TEST_F(StopApplierTest, AStopThatComesDuringACallIsAppliedAfterIt) {
   EXPECT_NE(call(t0), 0U) << "the first may have come before that stop";
 }
 
-TEST_F(StopApplierTest, WhileFramesLackEndorsementsRecordsAreRenewedAtABoundedRate) {
+TEST_F(StopApplierTest, WhileBatchesLackEndorsementsRecordsAreRenewedAtABoundedRate) {
   std::vector<TimeNs> renewals;
   const auto lacking = [&](TimeNs from, TimeNs until) {
     renewals.clear();

@@ -1,4 +1,4 @@
-#include "common/bridge/core/frame.hpp"
+#include "common/bridge/core/set_call.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ std::string one_call() {
   return call;
 }
 
-TEST(BridgeFrame, IsTheSetCallOfTheContract) {
+TEST(BridgeSetCall, IsTheSetCallOfTheContract) {
   SetCall call;
   ASSERT_TRUE(call.ParseFromString(one_call()));
   ASSERT_EQ(call.assets_size(), 2);
@@ -31,7 +31,7 @@ TEST(BridgeFrame, IsTheSetCallOfTheContract) {
   EXPECT_TRUE(call.stream());
 }
 
-TEST(BridgeFrame, ReadsWhatProtobufWrote) {
+TEST(BridgeSetCall, ReadsWhatProtobufWrote) {
   SetCall call;
   ASSERT_TRUE(call.ParseFromString(one_call()));
   const std::string bytes = call.SerializeAsString();
@@ -45,7 +45,7 @@ TEST(BridgeFrame, ReadsWhatProtobufWrote) {
   EXPECT_TRUE(view.stream);
 }
 
-TEST(BridgeFrame, FieldsOfANewerVersionArePassedOver) {
+TEST(BridgeSetCall, FieldsOfANewerVersionArePassedOver) {
   SetCall call;
   ASSERT_TRUE(call.ParseFromString(one_call()));
   for (google::protobuf::Message* message :
@@ -61,7 +61,7 @@ TEST(BridgeFrame, FieldsOfANewerVersionArePassedOver) {
   EXPECT_EQ(view.assets[0].origin.sequence, 300U);
 }
 
-TEST(BridgeFrame, WhatIsCutOffAnywhereIsRefusedOrHasFewerAssets) {
+TEST(BridgeSetCall, WhatIsCutOffAnywhereIsRefusedOrHasFewerAssets) {
   const std::string whole = one_call();
   SetView view;
   for (std::size_t size = 0; size < whole.size(); ++size) {

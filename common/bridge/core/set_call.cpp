@@ -1,4 +1,4 @@
-#include "common/bridge/core/frame.hpp"
+#include "common/bridge/core/set_call.hpp"
 
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/wire_format_lite.h>
