@@ -58,7 +58,7 @@ AgentProcess::AgentProcess(SharedWorld& world)
 
 Status AgentProcess::start() {
   const TimeNs now = world_.clock.now(), host_now = world_.clock.host_now();
-  core_.emplace(agent_config(world_.config, ++world_.starts), world_.ledger.registry());
+  core_.emplace(agent_settings(world_.config, ++world_.starts), world_.ledger.registry());
   mocap_.emplace([this] { return world_.clock.host_real_offset(); });
   core_->set_real_offset(mocap_->clock().offset_ns());
   core_->on_connection(host_now, true);

@@ -152,8 +152,8 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   return settings;
 }
 
-agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts) {
-  agent::AgentConfig agent;
+agent::AgentCoreSettings agent_settings(const WorldConfig& config, std::uint64_t starts) {
+  agent::AgentCoreSettings agent;
   agent.seed = config.seed + starts;
   // A far ledger is not yet a silent one.
   agent.ledger_silent_after_ns += std::max<TimeNs>(0, config.max_age_ns - agent.check.max_age_ns);

@@ -88,7 +88,7 @@ node::CoreConfig node_config(const WorldConfig& config);
 sim::Parameters sim_parameters(const WorldConfig& config);
 link::LinkSettings link_settings(const WorldConfig& config);
 /// `starts` differs from start to start.
-agent::AgentConfig agent_config(const WorldConfig& config, std::uint64_t starts);
+agent::AgentCoreSettings agent_settings(const WorldConfig& config, std::uint64_t starts);
 ground::FlightConfig ground_config(const WorldConfig& config, SimulatedLedger& ledger);
 
 /// enroll, grant and acquire, as the launcher does before take-off.

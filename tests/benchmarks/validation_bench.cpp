@@ -190,7 +190,7 @@ class Reader {
  public:
   Reader(const Chain& chain, bool validates)
       : intake_(chain.make_intake(validates)), registry_(chain.make_registry()), now_s_(chain.now_s()) {
-    check_.emplace(agent::CheckConfig{}, std::vector<agent::DroneName>{{1, "tello1"}}, *registry_);
+    check_.emplace(agent::CommandCheckSettings{}, std::vector<agent::DroneName>{{1, "tello1"}}, *registry_);
     check_->control().set_control(chain.record());
   }
 

@@ -30,7 +30,7 @@ class LocalShell {
  private:
   struct Drone {
     DroneNumber number = 0;
-    agent::Fusion fusion{agent::FusionConfig{}};
+    agent::Fusion fusion{agent::FusionSettings{}};
     std::unique_ptr<SpscRing<agent::MocapMessage, 64>> ring;
     std::optional<dds::RawReader> reader;
   };

@@ -55,17 +55,18 @@ bool LedgerLiveness::is_alive(TimeNs now) const {
   return ever_progress_ && !too_long(unanswered_since_ns_) && !too_long(disconnected_since_ns_);
 }
 
-AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
-    : config_(std::move(config)),
-      batcher_(config_.batch, config_.drones, config_.seed),
-      transitions_(config_.batch.back_off, config_.drones, config_.seed + 1),
-      stop_applier_(config_.batch.back_off, config_.drones, config_.seed + 2),
-      idle_(config_.idle_evict_ns, config_.batch.back_off, config_.drones, config_.seed + 3),
-      alarms_(config_.batch.back_off, config_.drones, config_.seed + 4),
-      check_(config_.check, config_.drones, registry),
-      integrity_(config_.integrity_hold_ns),
-      liveness_(config_.ledger_silent_after_ns) {
-  for (const DroneName& drone : config_.drones) drones_.push_back({.drone = drone, .fusion = Fusion(config_.fusion)});
+AgentCore::AgentCore(AgentCoreSettings settings, crypto::MspRegistry& registry)
+    : settings_(std::move(settings)),
+      batcher_(settings_.batch, settings_.drones, settings_.seed),
+      transitions_(settings_.batch.back_off, settings_.drones, settings_.seed + 1),
+      stop_applier_(settings_.batch.back_off, settings_.drones, settings_.seed + 2),
+      idle_(settings_.idle_evict_ns, settings_.batch.back_off, settings_.drones, settings_.seed + 3),
+      alarms_(settings_.batch.back_off, settings_.drones, settings_.seed + 4),
+      check_(settings_.check, settings_.drones, registry),
+      integrity_(settings_.integrity_hold_ns),
+      liveness_(settings_.ledger_silent_after_ns) {
+  for (const DroneName& drone : settings_.drones)
+    drones_.push_back({.drone = drone, .fusion = Fusion(settings_.fusion)});
 }
 
 void AgentCore::set_control(TimeNs now, const Control& control) {
@@ -165,7 +166,7 @@ bool AgentCore::end_batch(TimeNs now, std::uint64_t number, const fabric::Outcom
 
 void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
   const CheckScope scope(checks_);
-  for (const DroneName& drone : config_.drones) check_.set_evicting(drone.number, idle_.is_evicting(drone.number));
+  for (const DroneName& drone : settings_.drones) check_.set_evicting(drone.number, idle_.is_evicting(drone.number));
   auto checked = check_.check(now, (now + real_offset_ns_) / ns_per_s, block);
   for (const auto& refused : checked.refused) {
     out.traces.push_back(record_of(TraceKind::refused, now, refused.drone, refused.sequence, refused.state_stamp_ns,
@@ -247,7 +248,7 @@ void AgentCore::submit_batch(TimeNs now, AgentOutputs& out) {
         record_of(TraceKind::state_batched, now, sample.drone, sample.sequence, sample.stamp_ns, batch->number));
   }
   out.traces.push_back(record_of(TraceKind::batch_submitted, now, 0, batch->number, 0, batch->samples.size()));
-  submit(now, Sender::batcher, batch->number, encode_batch(*batch, config_.drones, real_offset_ns_), out);
+  submit(now, Sender::batcher, batch->number, encode_batch(*batch, settings_.drones, real_offset_ns_), out);
 }
 
 void AgentCore::submit_evictions(TimeNs now, AgentOutputs& out) {
@@ -274,7 +275,7 @@ bool AgentCore::end_eviction(TimeNs now, std::uint64_t number, const fabric::Out
 // only not yet heard it.
 bool AgentCore::may_send_heartbeat(TimeNs now) {
   if (!first_step_ns_) first_step_ns_ = now;
-  return now - *first_step_ns_ >= config_.first_heartbeat_wait_ns ||
+  return now - *first_step_ns_ >= settings_.first_heartbeat_wait_ns ||
          std::all_of(drones_.begin(), drones_.end(), [](const Drone& d) { return d.has_pose; });
 }
 
@@ -301,8 +302,8 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
                                    .check_failed = checks_.failed()};
     transitions_.report(*out.heartbeat);
     // Heartbeats keep their grid, except after a pause: then none are made up for.
-    const bool paused = next_heartbeat_ns_ + config_.heartbeat_period_ns <= now;
-    next_heartbeat_ns_ = (paused ? now : next_heartbeat_ns_) + config_.heartbeat_period_ns;
+    const bool paused = next_heartbeat_ns_ + settings_.heartbeat_period_ns <= now;
+    next_heartbeat_ns_ = (paused ? now : next_heartbeat_ns_) + settings_.heartbeat_period_ns;
   }
 }
 

@@ -19,11 +19,11 @@
 
 namespace ledgerline::agent {
 
-struct AgentConfig {
+struct AgentCoreSettings {
   std::vector<DroneName> drones;
-  BatchConfig batch;
-  CheckConfig check;
-  FusionConfig fusion;
+  BatchSettings batch;
+  CommandCheckSettings check;
+  FusionSettings fusion;
   TimeNs heartbeat_period_ns = 50 * ns_per_ms;
   TimeNs first_heartbeat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
@@ -97,7 +97,7 @@ struct DroneReport {
 class AgentCore {
  public:
   /// The registry must outlive the core.
-  AgentCore(AgentConfig config, crypto::MspRegistry& registry);
+  AgentCore(AgentCoreSettings settings, crypto::MspRegistry& registry);
 
   /// Real time minus the monotonic clock: for ROS headers and certificates alone.
   void set_real_offset(TimeNs offset_ns) { real_offset_ns_ = offset_ns; }
@@ -148,7 +148,7 @@ class AgentCore {
   const fabric::ValidatedShare& validated_share() const { return validated_share_; }
   const AlarmSender& alarms() const { return alarms_; }
   const IdleEvictor& idle() const { return idle_; }
-  const std::vector<DroneName>& drones() const { return config_.drones; }
+  const std::vector<DroneName>& drones() const { return settings_.drones; }
   DroneReport report(DroneNumber drone) const;
 
  private:
@@ -178,7 +178,7 @@ class AgentCore {
   bool end_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
   bool may_send_heartbeat(TimeNs now);
 
-  AgentConfig config_;
+  AgentCoreSettings settings_;
   Batcher batcher_;
   TransitionSender transitions_;
   StopApplier stop_applier_;

@@ -12,10 +12,11 @@
 
 namespace ledgerline::agent {
 
-CommandCheck::CommandCheck(CheckConfig config, const std::vector<DroneName>& drones, crypto::MspRegistry& registry)
-    : config_(std::move(config)),
-      transactions_(config_.where, registry),
-      control_(config_.msp_id, drones, transactions_) {
+CommandCheck::CommandCheck(CommandCheckSettings settings, const std::vector<DroneName>& drones,
+                           crypto::MspRegistry& registry)
+    : settings_(std::move(settings)),
+      transactions_(settings_.where, registry),
+      control_(settings_.msp_id, drones, transactions_) {
   for (const DroneName& drone : drones) drones_.push_back({.drone = drone});
 }
 
@@ -38,7 +39,7 @@ void CommandCheck::add_sent_state(const StateSample& sample) {
   }
   if (!drone->stamps.empty() && drone->stamps.back() >= sample.stamp_ns) return;  // sent again
   drone->stamps.push_back(sample.stamp_ns);
-  if (drone->stamps.size() > config_.stamps_kept) drone->stamps.pop_front();
+  if (drone->stamps.size() > settings_.stamps_kept) drone->stamps.pop_front();
 }
 
 CheckedBlock CommandCheck::check(TimeNs now, std::int64_t now_s, const fabric::Block& block) {
@@ -119,7 +120,7 @@ RefusalReason CommandCheck::check_whole(std::int64_t now_s, const fabric::Transa
                                         access::Caller& signer) const {
   if (!out.chain_ok) return RefusalReason::broken_chain;
   if (tx.code != 0) return RefusalReason::invalid_transaction;
-  return transactions_.check(now_s, tx, {config_.msp_id}, signer);
+  return transactions_.check(now_s, tx, {settings_.msp_id}, signer);
 }
 
 void CommandCheck::refuse(Drone& drone, const DronePlan& plan, RefusalReason why, CheckedBlock& out) {
@@ -166,7 +167,7 @@ RefusalReason CommandCheck::check_plan(TimeNs now, const Drone& drone, const cry
   const std::uint64_t last = plan.epoch() == drone.epoch ? drone.last_sequence : 0;
   if (plan.sequence() <= last) return RefusalReason::replayed;
   if (drone.evicting && plan.action() == TAKEOFF) return RefusalReason::evicting;
-  if (now - plan.state_stamp_ns() > config_.max_age_ns) return RefusalReason::too_old;
+  if (now - plan.state_stamp_ns() > settings_.max_age_ns) return RefusalReason::too_old;
   return check_setpoints(now, plan);
 }
 
@@ -178,8 +179,8 @@ RefusalReason CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) c
   for (const PlannedSetpoint& s : plan.setpoints()) {
     const double speed = std::hypot(s.vx(), s.vy(), s.vz());
     // Written so that NaN fails.
-    const bool within = speed <= config_.max_speed_mps && std::abs(s.yaw_rate()) <= config_.max_yaw_rate_radps;
-    if (!within || s.at_ns() < last_ns || s.at_ns() > now + config_.horizon_ns) return RefusalReason::over_limits;
+    const bool within = speed <= settings_.max_speed_mps && std::abs(s.yaw_rate()) <= settings_.max_yaw_rate_radps;
+    if (!within || s.at_ns() < last_ns || s.at_ns() > now + settings_.horizon_ns) return RefusalReason::over_limits;
     last_ns = s.at_ns();
   }
   return RefusalReason::none;

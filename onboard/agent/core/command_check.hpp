@@ -12,7 +12,7 @@
 
 namespace ledgerline::agent {
 
-struct CheckConfig {
+struct CommandCheckSettings {
   std::string msp_id = "Org1MSP";  ///< our own organisation: whose endorsement counts
   fabric::ChannelAndContract where;
   TimeNs max_age_ns = 500 * ns_per_ms;
@@ -36,7 +36,7 @@ struct CheckConfig {
 /// One thread; deterministic; memory bounded by drones × stamps_kept. The registry must outlive it.
 class CommandCheck {
  public:
-  CommandCheck(CheckConfig config, const std::vector<DroneName>& drones, crypto::MspRegistry& registry);
+  CommandCheck(CommandCheckSettings settings, const std::vector<DroneName>& drones, crypto::MspRegistry& registry);
 
   struct Counters {
     std::uint64_t on_ledger = 0;  ///< in a block, flagged valid
@@ -90,7 +90,7 @@ class CommandCheck {
   static void refuse(Drone& drone, const DronePlan& plan, RefusalReason why, CheckedBlock& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, CheckedBlock& out);
 
-  CheckConfig config_;
+  CommandCheckSettings settings_;
   std::vector<Drone> drones_;
   TransactionCheck transactions_;
   ControlCheck control_;

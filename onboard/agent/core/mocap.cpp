@@ -22,7 +22,7 @@ bool is_finite(const MocapPose& m) { return is_finite(m.position_m) && std::isfi
 void Fusion::start(const MocapPose& measured) {
   position_m_ = measured.position_m;
   velocity_mps_ = {};
-  pp_ = config_.position_sigma_m * config_.position_sigma_m;
+  pp_ = settings_.position_sigma_m * settings_.position_sigma_m;
   pv_ = 0;
   vv_ = first_velocity_sigma_mps * first_velocity_sigma_mps;
   started_ = true;
@@ -33,7 +33,7 @@ void Fusion::start(const MocapPose& measured) {
 bool Fusion::frozen(const MocapPose& measured) {
   const bool same = repeated_ && repeated_->position_m == measured.position_m && repeated_->yaw_rad == measured.yaw_rad;
   if (!same) repeated_ = measured;
-  return measured.stamp_ns - repeated_->stamp_ns >= config_.frozen_after_ns;
+  return measured.stamp_ns - repeated_->stamp_ns >= settings_.frozen_after_ns;
 }
 
 std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
@@ -49,7 +49,7 @@ std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
     ++counters_.frozen;
     return std::nullopt;
   }
-  if (started_ && measured.stamp_ns - stamp_ns_ > config_.max_gap_ns) {
+  if (started_ && measured.stamp_ns - stamp_ns_ > settings_.max_gap_ns) {
     ++counters_.resets;
     started_ = false;
   }
@@ -57,8 +57,8 @@ std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
     start(measured);
   } else {
     const double dt = to_seconds(measured.stamp_ns - stamp_ns_);
-    const double q = config_.acceleration_sigma_mps2 * config_.acceleration_sigma_mps2;
-    const double r = config_.position_sigma_m * config_.position_sigma_m;
+    const double q = settings_.acceleration_sigma_mps2 * settings_.acceleration_sigma_mps2;
+    const double r = settings_.position_sigma_m * settings_.position_sigma_m;
     const double pp = pp_ + 2 * dt * pv_ + dt * dt * vv_ + q * dt * dt * dt * dt / 4;
     const double pv = pv_ + dt * vv_ + q * dt * dt * dt / 2;
     const double vv = vv_ + q * dt * dt;
@@ -72,9 +72,9 @@ std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
       innovation[i] = measured.position_m[i] - predicted[i];
       squares += innovation[i] * innovation[i];
     }
-    if (squares > config_.gate_sigma * config_.gate_sigma * s) {
+    if (squares > settings_.gate_sigma * settings_.gate_sigma * s) {
       ++counters_.outliers;
-      if (++outliers_in_a_row_ < config_.outliers_before_reset) return std::nullopt;
+      if (++outliers_in_a_row_ < settings_.outliers_before_reset) return std::nullopt;
       ++counters_.resets;
       start(measured);
     } else {

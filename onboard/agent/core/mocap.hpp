@@ -19,7 +19,7 @@ struct MocapPose {
   double yaw_rad = 0;
 };
 
-struct FusionConfig {
+struct FusionSettings {
   double position_sigma_m = 0.005;       ///< of a measurement
   double acceleration_sigma_mps2 = 4.0;  ///< how much the velocity may change by itself (white acceleration)
   double gate_sigma = 6.0;               ///< a measurement further off than this is an outlier
@@ -41,7 +41,7 @@ class Fusion {
     std::uint64_t accepted = 0, not_finite = 0, not_newer = 0, outliers = 0, frozen = 0, resets = 0;
   };
 
-  explicit Fusion(const FusionConfig& config) : config_(config) {}
+  explicit Fusion(const FusionSettings& settings) : settings_(settings) {}
 
   /// The fused pose (drone number not set), or nothing where the measurement was rejected. `in_flight`: as far as
   /// anybody knows; what stands still may be measured so.
@@ -52,7 +52,7 @@ class Fusion {
   void start(const MocapPose& measured);
   bool frozen(const MocapPose& measured);
 
-  FusionConfig config_;
+  FusionSettings settings_;
   Counters counters_;
   bool started_ = false;
   int outliers_in_a_row_ = 0;

@@ -25,7 +25,7 @@ void read(Config& config, Integer& value, std::int64_t min, std::int64_t max, co
   value = static_cast<Integer>(config.integer(key, static_cast<std::int64_t>(value), min, max));
 }
 
-void read_batch(Config& config, BatchConfig& b) {
+void read_batch(Config& config, BatchSettings& b) {
   read_ms(config, b.min_gap_ns, 0, 10'000,
           {"batch.min_gap_ms", "between the starts of two batches; 0: the next goes when the last is committed"});
   read_ms(config, b.linger_ns, 0, 1'000,
@@ -41,7 +41,7 @@ void read_batch(Config& config, BatchConfig& b) {
   b.back_off.max_ns = std::max(b.back_off.max_ns, b.back_off.first_ns);
 }
 
-void read_check(Config& config, CheckConfig& c) {
+void read_check(Config& config, CommandCheckSettings& c) {
   read_ms(
       config, c.max_age_ns, 1, 60'000,
       {"check.max_age_ms", "a command for an older state is refused; `fly` sets it longer where blocks are cut late"});
@@ -55,7 +55,7 @@ void read_check(Config& config, CheckConfig& c) {
        {"check.stamps_kept", "newest states of each drone that a command may answer: 256 are 8 s at 30 a second"});
 }
 
-void read_fusion(Config& config, FusionConfig& f) {
+void read_fusion(Config& config, FusionSettings& f) {
   read(config, f.position_sigma_m, 1e-6, 10, {"mocap.position_sigma_m", "standard deviation of a measured position"});
   read(config, f.acceleration_sigma_mps2, 1e-3, 1'000,
        {"mocap.acceleration_sigma_mps2", "how much the velocity may change by itself; higher follows faster, noisier"});

@@ -12,7 +12,7 @@ namespace ledgerline::agent {
 
 /// Everything of agent.toml but [ledger] and [[msp]], which common/fabric reads.
 struct Settings {
-  AgentConfig core;
+  AgentCoreSettings core;
   std::string trace;            ///< file; empty: none
   std::string summary;          ///< file; empty: none
   TimeNs status_period_ns = 0;  ///< 0: none

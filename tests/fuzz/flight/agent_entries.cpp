@@ -35,9 +35,9 @@ class EventEntry final : public Entry {
   std::vector<std::string> seeds() override { return seeds_; }
 
   Outcome feed(std::string_view bytes) override {
-    AgentConfig config;
-    config.drones = {{1, "tello1"}, {2, "tello2"}};
-    AgentCore core(config, *registry_);
+    AgentCoreSettings settings;
+    settings.drones = {{1, "tello1"}, {2, "tello2"}};
+    AgentCore core(settings, *registry_);
     for (const char* drone : {"tello1", "tello2"}) core.set_control(stamp, control(drone, 1));
     AgentOutputs out;
     StateSample state;
@@ -123,7 +123,7 @@ class MocapEntry final : public Entry {
     if (bytes.size() < sizeof(MocapPose)) return dropped();
     MocapPose pose;
     std::memcpy(static_cast<void*>(&pose), bytes.data(), sizeof pose);
-    Fusion fusion{FusionConfig{}};
+    Fusion fusion{FusionSettings{}};
     const MocapPose first{stamp - 10 * ns_per_ms, {0, 2, 1}, 0.5};
     (void)fusion.add(first);
     const auto fused = fusion.add(pose);

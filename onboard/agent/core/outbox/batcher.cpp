@@ -22,8 +22,8 @@ bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.b
 
 }  // namespace
 
-Batcher::Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
-    : config_(config), random_(seed), pause_(config.back_off) {
+Batcher::Batcher(const BatchSettings& settings, const std::vector<DroneName>& drones, std::uint64_t seed)
+    : settings_(settings), random_(seed), pause_(settings.back_off) {
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
@@ -65,13 +65,13 @@ TimeNs Batcher::due_ns(TimeNs now) const {
   if (first_ns == INT64_MAX || in_flight_.full()) return INT64_MAX;
   first_ns = std::max(first_ns, pause_.until_ns());
   if (again_at_once_) return first_ns;
-  first_ns = std::max({first_ns, in_flight_.next_ns(), in_flight_.last_ns() + config_.min_gap_ns});
-  return all ? first_ns : std::max(first_ns, first_waiting_ns_ + config_.linger_ns);
+  first_ns = std::max({first_ns, in_flight_.next_ns(), in_flight_.last_ns() + settings_.min_gap_ns});
+  return all ? first_ns : std::max(first_ns, first_waiting_ns_ + settings_.linger_ns);
 }
 
 void Batcher::drop_stale(TimeNs now) {
   for (Slot& slot : slots_) {
-    if (!slot.waiting || now - slot.waiting->stamp_ns <= config_.freshness_ns) continue;
+    if (!slot.waiting || now - slot.waiting->stamp_ns <= settings_.freshness_ns) continue;
     slot.waiting.reset();
     --slot.counters.pending;
     ++slot.counters.dropped;
@@ -130,7 +130,7 @@ Batcher::Slot* Batcher::refused_drone(const StateBatch& batch, const fabric::Out
 }
 
 void Batcher::send_again_without(TimeNs now, Slot& refused, const StateBatch& batch) {
-  refused.paused_until_ns = now + config_.refused_drone_pause_ns;
+  refused.paused_until_ns = now + settings_.refused_drone_pause_ns;
   for (const StateSample& sample : batch.samples) {
     Slot* slot = find_drone(slots_, sample.drone);
     if (slot == &refused) {

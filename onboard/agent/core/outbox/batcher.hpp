@@ -11,7 +11,7 @@
 
 namespace ledgerline::agent {
 
-struct BatchConfig {
+struct BatchSettings {
   TimeNs min_gap_ns = 0;                  ///< between the starts of two batches, whatever is committed
   TimeNs linger_ns = 500 * ns_per_us;     ///< wait so long for the samples of the other drones of the same instant
   TimeNs freshness_ns = 500 * ns_per_ms;  ///< a sample that had to wait until it is older is not sent any more
@@ -58,7 +58,7 @@ class Batcher {
     std::uint64_t committed = 0, invalidated = 0, refused = 0, unavailable = 0;
   };
 
-  Batcher(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
+  Batcher(const BatchSettings& settings, const std::vector<DroneName>& drones, std::uint64_t seed);
 
   /// A sample of a drone that is not ours is ignored; one that is not newer than the pending one of its boot is merged.
   void add(TimeNs now, const StateSample& sample);
@@ -98,7 +98,7 @@ class Batcher {
   static bool take_battery_turn(TimeNs now, Slot& slot);
   void send_again_without(TimeNs now, Slot& refused, const StateBatch& batch);
 
-  BatchConfig config_;
+  BatchSettings settings_;
   std::vector<Slot> slots_;
   Random random_;
   fabric::InFlight<StateBatch> in_flight_;

@@ -34,10 +34,10 @@ class Host {
   }
 
   void start_agent() {
-    agent::AgentConfig config;
-    config.drones = {{1, "tello1"}};
-    config.seed = ++starts_;
-    agent_ = std::make_unique<agent::AgentCore>(config, ledger_.registry());
+    agent::AgentCoreSettings settings;
+    settings.drones = {{1, "tello1"}};
+    settings.seed = ++starts_;
+    agent_ = std::make_unique<agent::AgentCore>(settings, ledger_.registry());
     out_.clear();
     submitted_.clear();
   }

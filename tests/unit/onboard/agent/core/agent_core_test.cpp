@@ -19,8 +19,8 @@ constexpr TimeNs start = 100 * ns_per_s;
 
 class AgentCoreTest : public ::testing::Test {
  protected:
-  static AgentConfig config() {
-    AgentConfig c;
+  static AgentCoreSettings settings() {
+    AgentCoreSettings c;
     c.drones = {{1, "tello1"}, {2, "tello2"}};
     return c;
   }
@@ -68,7 +68,7 @@ class AgentCoreTest : public ::testing::Test {
   std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
   LedgerOfTests ledger_;
   AgentOutputs out_;
-  AgentCore core_{config(), *registry_};
+  AgentCore core_{settings(), *registry_};
 };
 
 TEST_F(AgentCoreTest, AStateIsSubmittedAndItsCommandComesOutAsAPlanWithTheTwoWayLatency) {
@@ -458,7 +458,7 @@ TEST_F(AgentCoreTest, MocapBecomesAPoseOfItsDroneAndUnknownDronesAreIgnored) {
 
 TEST_F(AgentCoreTest, TheSameInputsGiveTheSameBytes) {
   const auto run = [this] {
-    AgentCore core(config(), *registry_);
+    AgentCore core(settings(), *registry_);
     AgentOutputs out;
     std::string bytes;
     Random random(5);
@@ -489,14 +489,14 @@ TEST_F(AgentCoreTest, ItSaysWhenTheNextBatchOrHeartbeatIsDue) {
   ASSERT_TRUE(out_.heartbeat);
   const TimeNs next_heartbeat_ns = core_.due_ns();
   EXPECT_GT(next_heartbeat_ns, start + 2);
-  EXPECT_LE(next_heartbeat_ns, start + 2 + config().heartbeat_period_ns);
+  EXPECT_LE(next_heartbeat_ns, start + 2 + settings().heartbeat_period_ns);
   for (DroneNumber drone = 1; drone <= 2; ++drone) core_.on_state(start + 3, state(1, start, drone), out_);
   core_.step(start + 3, out_);
   commit(start + 4);
   core_.on_state(start + 5, state(2, start + 5), out_);
   core_.step(start + 5, out_);
   ASSERT_EQ(out_.submits.size(), 1U) << "it lingers for the other drone";
-  EXPECT_EQ(core_.due_ns(), start + 5 + config().batch.linger_ns);
+  EXPECT_EQ(core_.due_ns(), start + 5 + settings().batch.linger_ns);
   core_.step(core_.due_ns(), out_);
   EXPECT_EQ(out_.submits.size(), 2U);
   EXPECT_EQ(core_.due_ns(), next_heartbeat_ns);

@@ -101,7 +101,7 @@ class CommandCheckTest : public ::testing::Test {
 
   std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
   LedgerOfTests ledger_;
-  CommandCheck check_{CheckConfig{}, {{1, "tello1"}, {2, "tello2"}}, *registry_};
+  CommandCheck check_{CommandCheckSettings{}, {{1, "tello1"}, {2, "tello2"}}, *registry_};
 };
 
 TEST_F(CommandCheckTest, AGoodCommandBecomesThePlanThatItSays) {
@@ -402,9 +402,9 @@ TEST_F(CommandCheckTest, SequencesRestartWithTheEpoch) {
 }
 
 TEST_F(CommandCheckTest, ACommandFromAnOldStateIsRefusedAtTheLimitExactly) {
-  const CheckConfig config;
-  EXPECT_EQ(give({command(good_plan(1))}, stamp + config.max_age_ns).plans.size(), 1U);
-  EXPECT_EQ(give({command(good_plan(2))}, stamp + config.max_age_ns + 1).refused.at(0).why, RefusalReason::too_old);
+  const CommandCheckSettings settings;
+  EXPECT_EQ(give({command(good_plan(1))}, stamp + settings.max_age_ns).plans.size(), 1U);
+  EXPECT_EQ(give({command(good_plan(2))}, stamp + settings.max_age_ns + 1).refused.at(0).why, RefusalReason::too_old);
 }
 
 TEST_F(CommandCheckTest, ASetpointFasterThanTheLimitIsRefused) {
@@ -445,7 +445,7 @@ TEST_F(CommandCheckTest, SetpointsOutOfOrderAreRefused) {
 
 TEST_F(CommandCheckTest, ASetpointBeyondTheHorizonIsRefused) {
   auto plan = good_plan();
-  plan.mutable_setpoints(2)->set_at_ns(now + CheckConfig{}.horizon_ns + 1);
+  plan.mutable_setpoints(2)->set_at_ns(now + CommandCheckSettings{}.horizon_ns + 1);
   expect_refused(command(plan), RefusalReason::over_limits);
 }
 

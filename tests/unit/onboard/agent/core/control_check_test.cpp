@@ -29,7 +29,7 @@ class ControlCheckTest : public ::testing::Test {
   ControlCheckTest() { start(record_); }
   void start(const Control& record) {
     record_ = record;
-    check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
+    check_.emplace(CommandCheckSettings{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
     check_->control().set_control(record_);
   }
   static std::string controls(const Control& record) {
@@ -512,7 +512,7 @@ TEST_F(ControlCheckTest, AnOldStopSentAThousandTimesAfterAClearStopsNothing) {
 }
 
 TEST_F(ControlCheckTest, WithoutARecordBeforeOnlyAStopToLandIsTaken) {
-  check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
+  check_.emplace(CommandCheckSettings{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
   expect_refused(event("acquire", record_, holder), "from nothing");
   Stops stops;
   *stops.add_stops() = stop_of("tello1", true);

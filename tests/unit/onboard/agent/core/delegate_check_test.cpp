@@ -42,7 +42,7 @@ class DelegateCheck : public ::testing::Test {
  protected:
   DelegateCheck() { start(with_delegate(&station)); }
   void start(const Control& record) {
-    check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
+    check_.emplace(CommandCheckSettings{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
     check_->control().set_control(record);
     StateSample sample;
     sample.drone = 1;

@@ -71,11 +71,11 @@ TEST(Fusion, AnOutlierIsRejectedAndTheFlightGoesOn) {
 }
 
 TEST(Fusion, OutliersThatStayAreTheTruthAndTheFilterRestarts) {
-  FusionConfig config;
-  Fusion fusion(config);
+  FusionSettings settings;
+  Fusion fusion(settings);
   fly(fusion, 0, 50);
-  for (int i = 1; i < config.outliers_before_reset; ++i) EXPECT_FALSE(fusion.add(at((50 + i) * period, 3)));
-  const auto pose = fusion.add(at((50 + config.outliers_before_reset) * period, 3));
+  for (int i = 1; i < settings.outliers_before_reset; ++i) EXPECT_FALSE(fusion.add(at((50 + i) * period, 3)));
+  const auto pose = fusion.add(at((50 + settings.outliers_before_reset) * period, 3));
   ASSERT_TRUE(pose);
   EXPECT_DOUBLE_EQ(pose->position_m[0], 3);
   EXPECT_DOUBLE_EQ(pose->velocity_mps[0], 0);
@@ -104,13 +104,13 @@ TEST(Fusion, AMeasurementThatIsNotNewerIsRejected) {
 }
 
 TEST(Fusion, InFlightOnePlaceOverAndOverIsNotTrusted) {
-  FusionConfig config;
-  Fusion fusion(config);
+  FusionSettings settings;
+  Fusion fusion(settings);
   fly(fusion, 1, 50);
   int trusted = 0;
   TimeNs stamp = 51 * period;
   for (int i = 0; i < 100; ++i, stamp += period) trusted += fusion.add(at(stamp, 0.51), true).has_value();
-  EXPECT_EQ(trusted, config.frozen_after_ns / period);
+  EXPECT_EQ(trusted, settings.frozen_after_ns / period);
   EXPECT_EQ(fusion.counters().frozen, 100U - static_cast<unsigned>(trusted));
   EXPECT_TRUE(fusion.add(at(stamp, 0.5100001), true)) << "it moves again";
 }
@@ -121,10 +121,10 @@ TEST(Fusion, EachPoseTwiceIsASystemThatMeasuresMoreSeldom) {
 }
 
 TEST(Fusion, AfterALongGapTheOldVelocityIsForgotten) {
-  FusionConfig config;
-  Fusion fusion(config);
+  FusionSettings settings;
+  Fusion fusion(settings);
   fly(fusion, 2, 50);
-  const auto pose = fusion.add(at(50 * period + config.max_gap_ns + 1, 7));
+  const auto pose = fusion.add(at(50 * period + settings.max_gap_ns + 1, 7));
   ASSERT_TRUE(pose);
   EXPECT_DOUBLE_EQ(pose->position_m[0], 7);
   EXPECT_DOUBLE_EQ(pose->velocity_mps[0], 0);

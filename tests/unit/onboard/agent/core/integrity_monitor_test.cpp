@@ -79,8 +79,8 @@ TEST(IntegrityMonitor, EveryKindHasANameOfItsOwn) {
 
 class IntegrityInCore : public ::testing::Test {
  protected:
-  static AgentConfig config() {
-    AgentConfig c;
+  static AgentCoreSettings settings() {
+    AgentCoreSettings c;
     c.drones = {{1, "tello1"}, {2, "tello2"}};
     c.first_heartbeat_wait_ns = 0;
     return c;
@@ -110,7 +110,7 @@ class IntegrityInCore : public ::testing::Test {
   std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
   LedgerOfTests ledger_;
   AgentOutputs out_;
-  AgentCore core_{config(), *registry_};
+  AgentCore core_{settings(), *registry_};
 };
 
 TEST_F(IntegrityInCore, AFailedCheckIsInEveryHeartbeatFromThenOn) {

@@ -27,7 +27,7 @@ class StopCheckTest : public ::testing::Test {
  protected:
   StopCheckTest() { start(control("tello1", epoch)); }
   void start(const Control& record) {
-    check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
+    check_.emplace(CommandCheckSettings{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
     check_->control().set_control(record);
     verification::Roles roles;
     for (const auto& who : {holder, guard, outsider}) roles.apply({to_message(who), OPERATOR});

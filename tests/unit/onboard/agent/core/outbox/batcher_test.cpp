@@ -145,9 +145,9 @@ TEST(Batcher, ASampleOfANewBootIsNewerWhateverItsSequence) {
 }
 
 TEST(Batcher, WaitsALittleForTheOtherDronesOfTheSameInstant) {
-  BatchConfig config;
-  config.linger_ns = 500;
-  Batcher batcher(config, three, 1);
+  BatchSettings settings;
+  settings.linger_ns = 500;
+  Batcher batcher(settings, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   batcher.finished(0, batcher.next(0)->number, outcome(Kind::committed));
   batcher.add(1000, sample(1, 2, 1000));
@@ -198,9 +198,9 @@ TEST(Batcher, ADroneThatOnlyRidesAlongAndIsRefusedPausesTooAndNothingIsLost) {
 }
 
 TEST(Batcher, KeepsTheMinimalGapBetweenBatches) {
-  BatchConfig config;
-  config.min_gap_ns = 10 * ns_per_ms;
-  Batcher batcher(config, {{1, "tello1"}}, 1);
+  BatchSettings settings;
+  settings.min_gap_ns = 10 * ns_per_ms;
+  Batcher batcher(settings, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   batcher.finished(ns_per_ms, batcher.next(0)->number, outcome(Kind::committed));
   batcher.add(ns_per_ms, sample(1, 2, ns_per_ms));
@@ -209,9 +209,9 @@ TEST(Batcher, KeepsTheMinimalGapBetweenBatches) {
 }
 
 TEST(Batcher, ABatchRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
-  BatchConfig config;
-  config.min_gap_ns = ns_per_s;
-  Batcher batcher(config, three, 1);
+  BatchSettings settings;
+  settings.min_gap_ns = ns_per_s;
+  Batcher batcher(settings, three, 1);
   for (DroneNumber d = 1; d <= 3; ++d) batcher.add(0, sample(d, 1));
   const auto first = batcher.next(0);
   batcher.add(1, sample(1, 2, 1));
@@ -249,13 +249,13 @@ TEST(Batcher, ARefusalOfTello12IsNotBlamedOnTello1) {
 }
 
 TEST(Batcher, ARefusedDronePausesAndThenRidesAgain) {
-  BatchConfig config;
-  Batcher batcher(config, {{1, "tello1"}}, 1);
+  BatchSettings settings;
+  Batcher batcher(settings, {{1, "tello1"}}, 1);
   batcher.add(0, sample(1, 1));
   batcher.finished(0, batcher.next(0)->number, outcome(Kind::refused, "chaincode response 500, tello1: not enrolled"));
-  batcher.add(1, sample(1, 2, config.refused_drone_pause_ns - 1));
-  EXPECT_FALSE(batcher.next(config.refused_drone_pause_ns - 1));
-  EXPECT_TRUE(batcher.next(config.refused_drone_pause_ns));
+  batcher.add(1, sample(1, 2, settings.refused_drone_pause_ns - 1));
+  EXPECT_FALSE(batcher.next(settings.refused_drone_pause_ns - 1));
+  EXPECT_TRUE(batcher.next(settings.refused_drone_pause_ns));
 }
 
 TEST(Batcher, SamplesOfAnInvalidatedBatchAreDroppedAndTheNextGoesOnAtOnce) {
@@ -270,8 +270,8 @@ TEST(Batcher, SamplesOfAnInvalidatedBatchAreDroppedAndTheNextGoesOnAtOnce) {
 }
 
 TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
-  BatchConfig config;
-  Batcher batcher(config, {{1, "tello1"}}, 1);
+  BatchSettings settings;
+  Batcher batcher(settings, {{1, "tello1"}}, 1);
   TimeNs now = 0;
   TimeNs max_pause = 0;
   for (std::uint64_t k = 1; k <= 20; ++k) {
@@ -280,25 +280,25 @@ TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
     ASSERT_TRUE(batch);
     batcher.finished(now, batch->number, outcome(Kind::unavailable));
     const TimeNs pause = batcher.back_off_until_ns() - now;
-    EXPECT_GE(pause, config.back_off.first_ns / 2);
-    EXPECT_LE(pause, config.back_off.max_ns);
+    EXPECT_GE(pause, settings.back_off.first_ns / 2);
+    EXPECT_LE(pause, settings.back_off.max_ns);
     batcher.add(now, sample(1, 1000 + k, now));
     EXPECT_FALSE(batcher.next(batcher.back_off_until_ns() - 1));
     max_pause = std::max(max_pause, pause);
     now = batcher.back_off_until_ns();
   }
-  EXPECT_GE(max_pause, config.back_off.max_ns / 2);
+  EXPECT_GE(max_pause, settings.back_off.max_ns / 2);
 }
 
 TEST(Batcher, ASampleThatHadToWaitPastItsFreshnessIsDroppedAndCounted) {
-  BatchConfig config;
-  Batcher batcher(config, {{1, "tello1"}, {2, "tello2"}}, 1);
+  BatchSettings settings;
+  Batcher batcher(settings, {{1, "tello1"}, {2, "tello2"}}, 1);
   for (DroneNumber d = 1; d <= 2; ++d) batcher.add(0, sample(d, 1));
   const auto first = batcher.next(0);
   batcher.add(1, sample(1, 2, 1));
-  batcher.add(config.freshness_ns, sample(2, 2, config.freshness_ns));
-  batcher.finished(config.freshness_ns + 2, first->number, outcome(Kind::committed));
-  const auto second = batcher.next(config.freshness_ns + 2);
+  batcher.add(settings.freshness_ns, sample(2, 2, settings.freshness_ns));
+  batcher.finished(settings.freshness_ns + 2, first->number, outcome(Kind::committed));
+  const auto second = batcher.next(settings.freshness_ns + 2);
   ASSERT_TRUE(second);
   ASSERT_EQ(second->samples.size(), 1U);
   EXPECT_EQ(second->samples[0].drone, 2);
@@ -309,8 +309,8 @@ TEST(Batcher, ASampleThatHadToWaitPastItsFreshnessIsDroppedAndCounted) {
 }
 
 TEST(Batcher, ACommitEndsTheGrowthOfTheBackOff) {
-  BatchConfig config;
-  Batcher batcher(config, {{1, "tello1"}}, 1);
+  BatchSettings settings;
+  Batcher batcher(settings, {{1, "tello1"}}, 1);
   TimeNs now = 0;
   const auto round = [&](Kind kind, std::uint64_t k) {
     batcher.add(now, sample(1, k, now));
@@ -321,7 +321,7 @@ TEST(Batcher, ACommitEndsTheGrowthOfTheBackOff) {
   };
   for (std::uint64_t k = 1; k <= 6; ++k) round(Kind::unavailable, k);
   round(Kind::committed, 7);
-  EXPECT_LE(round(Kind::unavailable, 8), config.back_off.first_ns);
+  EXPECT_LE(round(Kind::unavailable, 8), settings.back_off.first_ns);
 }
 
 TEST(Batcher, SeedsGiveDifferentJitterAndTheSameSeedTheSame) {
@@ -381,7 +381,7 @@ TEST(Batcher, CountersAddUpAndNeverTwoAreInFlightWhateverHappens) {
       }
     }
     if (!in_flight.empty()) batcher.finished(now, in_flight.front(), outcome(Kind::unavailable));
-    const BatchConfig defaults;
+    const BatchSettings defaults;
     now += defaults.back_off.max_ns + defaults.refused_drone_pause_ns;
     batcher.add(now, sample(1, ++sequence, now));
     EXPECT_TRUE(batcher.next(now + defaults.linger_ns)) << "it always goes on, seed " << seed;

@@ -201,9 +201,9 @@ TEST(TransitionSender, TheCallIsOneAssetWithEveryTransition) {
 
 TEST(AgentTransitions, GoAtOnceOnAWayOfTheirOwnWhateverBecomesOfTheStates) {
   const auto registry = crypto::make_test_registry({"Org1MSP"});
-  AgentConfig config;
-  config.drones = two;
-  AgentCore core(config, *registry);
+  AgentCoreSettings settings;
+  settings.drones = two;
+  AgentCore core(settings, *registry);
   AgentOutputs out;
   StateSample sample;
   sample.drone = 1;
@@ -232,9 +232,9 @@ TEST(AgentTransitions, GoAtOnceOnAWayOfTheirOwnWhateverBecomesOfTheStates) {
 
 TEST(AgentTransitions, AtAnOrderlyEndStillGoWhenStatesDoNot) {
   const auto registry = crypto::make_test_registry({"Org1MSP"});
-  AgentConfig config;
-  config.drones = two;
-  AgentCore core(config, *registry);
+  AgentCoreSettings settings;
+  settings.drones = two;
+  AgentCore core(settings, *registry);
   AgentOutputs out;
   core.stop_submitting();
   EXPECT_FALSE(core.has_calls_in_flight());

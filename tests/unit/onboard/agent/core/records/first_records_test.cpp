@@ -46,7 +46,7 @@ TEST(FirstRecordsTest, SayWhoseRolesTheyHave) {
 TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
   const std::unique_ptr<crypto::MspRegistry> registry = crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP"});
   const std::vector<DroneName> drones{{1, "tello1"}};
-  CommandCheck check(CheckConfig{}, drones, *registry);
+  CommandCheck check(CommandCheckSettings{}, drones, *registry);
   check.control().set_roles(some_records().roles);
   check.control().set_control(some_records().controls[0]);
   const std::size_t before = to_bytes(check.control().records()).size();
@@ -80,7 +80,7 @@ TEST(FirstRecordsTest, WithoutADronesRecordAreNotTheOnesToBeginWith) {
 TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
   const std::unique_ptr<crypto::MspRegistry> registry = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
   const std::vector<DroneName> drones{{1, "tello1"}};
-  CommandCheck check(CheckConfig{}, drones, *registry);
+  CommandCheck check(CommandCheckSettings{}, drones, *registry);
   FirstRecords first = some_records();
   check.control().set_roles(first.roles);
   check.control().set_control(first.controls[0]);
@@ -99,7 +99,7 @@ TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
   EXPECT_EQ(check.height(), block.number + 1);
 
   // Another agent that begins there takes what comes behind it.
-  CommandCheck next(CheckConfig{}, drones, *registry);
+  CommandCheck next(CommandCheckSettings{}, drones, *registry);
   next.control().set_roles(kept->roles);
   next.control().set_control(kept->controls[0]);
   EXPECT_TRUE(next.standing_stop(at_ns, 1));
