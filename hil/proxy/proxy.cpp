@@ -32,8 +32,8 @@ class Proxy {
   Status write_summary() const;
 
  private:
-  Proxy(const Settings& settings, Switches switches, Script script)
-      : settings_(settings), switches_(std::move(switches)), script_(std::move(script)) {}
+  Proxy(const Settings& settings, Switches switches, CommandSchedule schedule)
+      : settings_(settings), switches_(std::move(switches)), schedule_(std::move(schedule)) {}
   TimeNs next_wake(TimeNs now) const;
   void turn(TimeNs now);
   Result<std::string> act(TimeNs now, const std::string& command);
@@ -41,7 +41,7 @@ class Proxy {
 
   Settings settings_;
   Switches switches_;
-  Script script_;
+  CommandSchedule schedule_;
   std::optional<SharedPorts> shared_;
   std::vector<DroneSide> drones_;
   std::vector<ServerSide> servers_;
@@ -55,9 +55,9 @@ class Proxy {
 
 Result<Proxy> Proxy::open(const Settings& settings) {
   const Switches switches(settings.targets());
-  auto script = Script::make(settings.faults, switches);  // which reads its recordings for both
-  if (!script) return script.error();
-  Proxy proxy(settings, switches, std::move(*script));
+  auto schedule = CommandSchedule::make(settings.faults, switches);  // which reads its recordings for both
+  if (!schedule) return schedule.error();
+  Proxy proxy(settings, switches, std::move(*schedule));
   Random seeds(settings.seed);
   for (const DroneRoute& route : settings.drones) {
     auto side = DroneSide::open(route, settings.source, seeds.next());
@@ -96,7 +96,7 @@ Status Proxy::run_until_signal() {
   start_ = monotonic_ns();
   while (!stop_requested) {
     const TimeNs now = monotonic_ns();
-    while (const auto command = script_.pop(now - start_)) {
+    while (const auto command = schedule_.pop(now - start_)) {
       if (const auto acted = act(now, *command); !acted) spdlog::error("{}", acted.error().message);
     }
     polled_.clear();
@@ -123,7 +123,7 @@ TimeNs Proxy::next_wake(TimeNs now) const {
   const auto consider = [&](std::optional<TimeNs> due) { wake = std::min(wake, due.value_or(wake)); };
   for (const DroneSide& side : drones_) consider(side.next_due());
   for (const ServerSide& side : servers_) consider(side.next_due(now));
-  if (const auto next = script_.next()) consider(start_ + *next);
+  if (const auto next = schedule_.next()) consider(start_ + *next);
   return wake;
 }
 

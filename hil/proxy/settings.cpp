@@ -78,27 +78,27 @@ Result<Settings> read_settings(const std::string& config_file, const std::string
   return settings;
 }
 
-std::vector<ScriptedFault> read_faults(Config& config, const std::vector<Target>& targets) {
-  std::vector<ScriptedFault> faults;
+std::vector<ScheduledFault> read_faults(Config& config, const std::vector<Target>& targets) {
+  std::vector<ScheduledFault> faults;
   const std::size_t count = config.table_count("fault");
   if (count > max_faults) config.wrong("fault", fmt::format("must be {} tables at most", max_faults));
   bool all_possible = true;
   for (std::size_t i = 0; i < std::min(count, max_faults); ++i) {
     const std::string table = fmt::format("fault.{}.", i);
-    ScriptedFault fault;
+    ScheduledFault fault;
     fault.at_ns = from_seconds(config.number(table + "at_s", 0, max_script_s));
     const double for_s = config.number(table + "for_s", -1, 0, max_script_s);  // left out: -1
     if (for_s > 0) fault.for_ns = from_seconds(for_s);
     if (for_s == 0) config.wrong(table + "for_s", "must be more than 0; leave it out for a fault that stays");
     fault.command = config.text(table + "do");
     // One by one, so that the error names the line; what was switched before matters to none.
-    const auto possible = Script::make({fault}, Switches(targets));
+    const auto possible = CommandSchedule::make({fault}, Switches(targets));
     if (!fault.command.empty() && !possible) config.wrong(table + "do", possible.error().message);
     all_possible = all_possible && possible;
     faults.push_back(std::move(fault));
   }
   std::size_t which = 0;
-  const auto together = Script::make(faults, Switches(targets), &which);
+  const auto together = CommandSchedule::make(faults, Switches(targets), &which);
   if (all_possible && !together) config.wrong(fmt::format("fault.{}.do", which), together.error().message);
   return faults;
 }

@@ -31,7 +31,7 @@ struct Settings {
   in_addr source{};           ///< the own address toward drones; any by default
   std::vector<DroneRoute> drones;
   std::vector<ServerRoute> servers;
-  std::vector<ScriptedFault> faults;
+  std::vector<ScheduledFault> faults;
 
   /// All of them as what commands are about: drones first, both in the order of the file.
   std::vector<Target> targets() const;
@@ -39,7 +39,7 @@ struct Settings {
 
 /// The [[fault]] tables of a script, at most 1,000: `at_s`, `for_s` (may be missing) and `do`, a command. What is wrong
 /// is in config.finish().
-std::vector<ScriptedFault> read_faults(Config& config, const std::vector<Target>& targets);
+std::vector<ScheduledFault> read_faults(Config& config, const std::vector<Target>& targets);
 
 /// From a config and, where its name is not empty, a script of faults. Errors name file, line and key (common/config).
 Result<Settings> read_settings(const std::string& config_file, const std::string& script_file);

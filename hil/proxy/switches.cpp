@@ -202,23 +202,24 @@ Result<std::string> opposite(std::string_view command) {
   return fmt::format("{} {} {} {}", kind, name, way, off);
 }
 
-Result<Script> Script::make(const std::vector<ScriptedFault>& faults, Switches switches, std::size_t* which) {
-  Script script;
+Result<CommandSchedule> CommandSchedule::make(const std::vector<ScheduledFault>& faults, Switches switches,
+                                              std::size_t* which) {
+  CommandSchedule schedule;
   for (std::size_t i = 0; i < faults.size(); ++i) {
-    const ScriptedFault& fault = faults[i];
-    script.commands_.push_back({fault.at_ns, true, fault.for_ns.has_value(), i, fault.command});
+    const ScheduledFault& fault = faults[i];
+    schedule.commands_.push_back({fault.at_ns, true, fault.for_ns.has_value(), i, fault.command});
     if (!fault.for_ns) continue;
     auto off = opposite(fault.command);
     if (!off) return off.error();
-    script.commands_.push_back({fault.at_ns + *fault.for_ns, false, false, i, std::move(*off)});
+    schedule.commands_.push_back({fault.at_ns + *fault.for_ns, false, false, i, std::move(*off)});
   }
-  std::stable_sort(script.commands_.begin(), script.commands_.end(), [](const Command& a, const Command& b) {
+  std::stable_sort(schedule.commands_.begin(), schedule.commands_.end(), [](const Command& a, const Command& b) {
     return std::pair(a.at_ns, a.on) < std::pair(b.at_ns, b.on);  // what ends makes room for what begins then
   });
   // All of it in order; of each direction those of its effects that will end by themselves.
   const Switches none = switches;
   std::vector<unsigned> timed(switches.targets().size() * ways);
-  for (const Command& command : script.commands_) {
+  for (const Command& command : schedule.commands_) {
     if (which) *which = command.fault;
     Switches alone = none;
     if (auto possible = alone.apply(command.text); !possible) return possible.error();
@@ -236,15 +237,15 @@ Result<Script> Script::make(const std::vector<ScriptedFault>& faults, Switches s
     for (std::size_t i = 0; i < timed.size(); ++i)
       timed[i] &= kinds_in(switches.of(i / ways, Direction{static_cast<int>(i % ways)}));
   }
-  return script;
+  return schedule;
 }
 
-std::optional<std::string> Script::pop(TimeNs since_start) {
+std::optional<std::string> CommandSchedule::pop(TimeNs since_start) {
   if (done_ == commands_.size() || commands_[done_].at_ns > since_start) return std::nullopt;
   return commands_[done_++].text;
 }
 
-std::optional<TimeNs> Script::next() const {
+std::optional<TimeNs> CommandSchedule::next() const {
   if (done_ == commands_.size()) return std::nullopt;
   return commands_[done_].at_ns;
 }

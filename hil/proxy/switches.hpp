@@ -99,18 +99,19 @@ class Switches {
 };
 
 /// A command at a time after the proxy's start; `for_ns` later what it switched is switched off again.
-struct ScriptedFault {
+struct ScheduledFault {
   TimeNs at_ns = 0;
   std::optional<TimeNs> for_ns;
   std::string command;
 };
 
 /// Commands in the order of their time, checked as a whole before the first one is due. A core; one thread.
-class Script {
+class CommandSchedule {
  public:
   /// The error names the command that cannot be, or one that overlaps another of the same effect: the end of the one
   /// would end the other. `which` is then the fault's index.
-  static Result<Script> make(const std::vector<ScriptedFault>& faults, Switches switches, std::size_t* which = nullptr);
+  static Result<CommandSchedule> make(const std::vector<ScheduledFault>& faults, Switches switches,
+                                      std::size_t* which = nullptr);
 
   /// The next command that is due at `since_start`; call until there is none.
   std::optional<std::string> pop(TimeNs since_start);

@@ -38,9 +38,9 @@ void ShimWire::send(const sim::Outgoing& datagram) {
 Result<std::unique_ptr<FaultyWire>> FaultyWire::open(std::unique_ptr<sim::DroneWire> wire, int drones,
                                                      std::uint64_t seed, const Faults& faults) {
   const proxy::Switches switches(DroneLinks::targets(drones));
-  auto script = proxy::Script::make(faults.scripted, switches);
-  if (!script) return script.error();
-  std::unique_ptr<FaultyWire> faulty(new FaultyWire(std::move(wire), drones, seed, switches, std::move(*script)));
+  auto schedule = proxy::CommandSchedule::make(faults.scheduled, switches);
+  if (!schedule) return schedule.error();
+  std::unique_ptr<FaultyWire> faulty(new FaultyWire(std::move(wire), drones, seed, switches, std::move(*schedule)));
   if (faults.socket.empty()) return faulty;
   auto socket = CommandSocket::open(faults.socket);
   if (!socket) return socket.error();
@@ -49,17 +49,17 @@ Result<std::unique_ptr<FaultyWire>> FaultyWire::open(std::unique_ptr<sim::DroneW
 }
 
 FaultyWire::FaultyWire(std::unique_ptr<sim::DroneWire> wire, int drones, std::uint64_t seed, proxy::Switches switches,
-                       proxy::Script script)
-    : wire_(std::move(wire)), links_(drones, seed), switches_(std::move(switches)), script_(std::move(script)) {}
+                       proxy::CommandSchedule schedule)
+    : wire_(std::move(wire)), links_(drones, seed), switches_(std::move(switches)), schedule_(std::move(schedule)) {}
 
 bool FaultyWire::wait(TimeNs until, const sigset_t& signals_while_waiting) {
   const TimeNs now = monotonic_ns();
   if (start_ns_ == 0) start_ns_ = now;
   TimeNs wake = std::min(until, links_.next_due().value_or(until));
-  if (const auto next = script_.next()) wake = std::min(wake, start_ns_ + *next);
+  if (const auto next = schedule_.next()) wake = std::min(wake, start_ns_ + *next);
   const bool waited = wire_->wait(wake, signals_while_waiting);
   const TimeNs then = monotonic_ns();
-  while (const auto command = script_.pop(then - start_ns_)) {
+  while (const auto command = schedule_.pop(then - start_ns_)) {
     if (const auto acted = act(*command); !acted) spdlog::error("{}", acted.error().message);
   }
   if (socket_) {

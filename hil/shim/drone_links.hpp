@@ -89,14 +89,14 @@ class ShimWire final : public sim::DroneWire {
 
 /// What impairs the drones' wire, and when.
 struct Faults {
-  std::string socket;                          ///< takes commands while it runs; empty: none
-  std::vector<proxy::ScriptedFault> scripted;  ///< after its beginning
+  std::string socket;                            ///< takes commands while it runs; empty: none
+  std::vector<proxy::ScheduledFault> scheduled;  ///< after its beginning
 };
 
-/// Another wire, with DroneLinks behind it that a script and a socket switch.
+/// Another wire, with DroneLinks behind it that a schedule and a socket switch.
 class FaultyWire final : public sim::DroneWire {
  public:
-  /// Checks the script as a whole; takes the socket.
+  /// Checks the schedule as a whole; takes the socket.
   static Result<std::unique_ptr<FaultyWire>> open(std::unique_ptr<sim::DroneWire> wire, int drones, std::uint64_t seed,
                                                   const Faults& faults);
   bool wait(TimeNs until, const sigset_t& signals_while_waiting) override;
@@ -109,14 +109,14 @@ class FaultyWire final : public sim::DroneWire {
 
  private:
   FaultyWire(std::unique_ptr<sim::DroneWire> wire, int drones, std::uint64_t seed, proxy::Switches switches,
-             proxy::Script script);
+             proxy::CommandSchedule schedule);
   Result<std::string> act(const std::string& command);
   void send_due(TimeNs now);
 
   std::unique_ptr<sim::DroneWire> wire_;
   DroneLinks links_;
   proxy::Switches switches_;
-  proxy::Script script_;
+  proxy::CommandSchedule schedule_;
   std::optional<CommandSocket> socket_;
   TimeNs start_ns_ = 0;  ///< 0: it has not begun
   proxy::SwitchedCommands switched_;

@@ -30,7 +30,7 @@ struct PlanScript {
   TimeNs end_ns = 0;
   std::vector<Say> says;
   std::vector<Silence> silences;
-  std::vector<proxy::ScriptedFault> faults;
+  std::vector<proxy::ScheduledFault> faults;
 };
 
 /// Errors name file, line and key.

@@ -140,13 +140,13 @@ Result<std::unique_ptr<sim::DroneWire>> open_wire(const ScriptedFlight& options,
 /// Everything of a flight in lockstep but the pace.
 class Lockstep {
  public:
-  Lockstep(const ScriptedFlight& options, drone_shim::DronesEnd& end, proxy::Script script)
+  Lockstep(const ScriptedFlight& options, drone_shim::DronesEnd& end, proxy::CommandSchedule schedule)
       : end_(end),
         now_(end.memory().turns.now_ns.load(std::memory_order_relaxed)),
         drones_(options.parameters, now_),
         links_(options.parameters.drones, options.parameters.seed),
         switches_(DroneLinks::targets(options.parameters.drones)),
-        faults_(std::move(script)),
+        faults_(std::move(schedule)),
         agent_(options.script, now_),
         record_(now_),
         begin_ns_(now_) {}
@@ -215,7 +215,7 @@ class Lockstep {
   sim::Simulator drones_;
   DroneLinks links_;
   proxy::Switches switches_;
-  proxy::Script faults_;
+  proxy::CommandSchedule faults_;
   ScriptedAgent agent_;
   Record record_;
   TimeNs begin_ns_;
@@ -253,7 +253,8 @@ Status fly_in_lockstep(const ScriptedFlight& options) {
   struct sigaction act {};
   act.sa_handler = toggle_halt;
   ::sigaction(SIGUSR1, &act, nullptr);
-  auto faults = proxy::Script::make(options.script.faults, proxy::Switches(DroneLinks::targets(options.script.drones)));
+  auto faults =
+      proxy::CommandSchedule::make(options.script.faults, proxy::Switches(DroneLinks::targets(options.script.drones)));
   if (!faults) return faults.error();
   auto end = drone_shim::DronesEnd::open(options.memory, true);
   if (!end) return end.error();
@@ -379,7 +380,7 @@ int ShimVerb::run() {
   if (!faults_file_.empty()) {
     auto config = Config::load(faults_file_);
     if (!config) return fail(config.error(), exit_usage);
-    faults.scripted = proxy::read_faults(*config, DroneLinks::targets(count));
+    faults.scheduled = proxy::read_faults(*config, DroneLinks::targets(count));
     if (const Status read = config->finish(); !read) return fail(read.error(), exit_usage);
   }
   std::optional<drone_shim::DronesEnd> end;

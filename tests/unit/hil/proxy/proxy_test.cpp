@@ -88,30 +88,30 @@ TEST(Switches, RefuseWhatATargetCannotHaveAndChangeNothingThen) {
   }
 }
 
-std::vector<std::pair<TimeNs, std::string>> all_of(Script& script) {
+std::vector<std::pair<TimeNs, std::string>> all_of(CommandSchedule& schedule) {
   std::vector<std::pair<TimeNs, std::string>> out;
-  while (const auto next = script.next()) {
-    EXPECT_FALSE(script.pop(*next - 1));
-    out.emplace_back(*next, *script.pop(*next));
+  while (const auto next = schedule.next()) {
+    EXPECT_FALSE(schedule.pop(*next - 1));
+    out.emplace_back(*next, *schedule.pop(*next));
   }
   return out;
 }
 
-TEST(Script, SwitchesInTheOrderOfTimeAndOffAgainAfterAWhile) {
-  const std::vector<ScriptedFault> faults{
+TEST(CommandSchedule, SwitchesInTheOrderOfTimeAndOffAgainAfterAWhile) {
+  const std::vector<ScheduledFault> faults{
       {2 * ns_per_s, 3 * ns_per_s, "drone tello1 to delay 200ms, loss bursts 1% 20%"},
       {ns_per_s, std::nullopt, "server agent cut"},
       {4 * ns_per_s, ns_per_s, "server * both stall"},
   };
-  auto script = Script::make(faults, switches());
-  ASSERT_TRUE(script) << script.error().message;
+  auto schedule = CommandSchedule::make(faults, switches());
+  ASSERT_TRUE(schedule) << schedule.error().message;
   using testing::ElementsAre;
   using testing::Pair;
-  EXPECT_THAT(all_of(*script), ElementsAre(Pair(ns_per_s, "server agent cut"),
-                                           Pair(2 * ns_per_s, "drone tello1 to delay 200ms, loss bursts 1% 20%"),
-                                           Pair(4 * ns_per_s, "server * both stall"),
-                                           Pair(5 * ns_per_s, "drone tello1 to delay off, loss off"),
-                                           Pair(5 * ns_per_s, "server * both stall off")));
+  EXPECT_THAT(all_of(*schedule), ElementsAre(Pair(ns_per_s, "server agent cut"),
+                                             Pair(2 * ns_per_s, "drone tello1 to delay 200ms, loss bursts 1% 20%"),
+                                             Pair(4 * ns_per_s, "server * both stall"),
+                                             Pair(5 * ns_per_s, "drone tello1 to delay off, loss off"),
+                                             Pair(5 * ns_per_s, "server * both stall off")));
   Switches s = switches();
   ASSERT_TRUE(s.apply(faults[0].command));
   ASSERT_TRUE(s.apply(*opposite(faults[0].command)));
@@ -160,27 +160,27 @@ TEST(Switches, FaultsAtTheSdksCallsNeedTheShim) {
   EXPECT_THAT(alone.apply("sdk tello1 states other").error().message, HasSubstr("no other drone"));
 }
 
-TEST(Script, ReadsARecordingOnce) {
+TEST(CommandSchedule, ReadsARecordingOnce) {
   int reads = 0;
   Switches s({{Kind::drone, "tello1"}}, reading_once<Distribution::Recording>([&](const std::string& path) {
                ++reads;
                return parse_recording(path, "0.01");
              }));
-  const auto script = Script::make({{0, ns_per_s, "drone tello1 to delay recorded f"}}, s);
-  ASSERT_TRUE(script) << script.error().message;
+  const auto schedule = CommandSchedule::make({{0, ns_per_s, "drone tello1 to delay recorded f"}}, s);
+  ASSERT_TRUE(schedule) << schedule.error().message;
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(s.apply("drone tello1 to delay recorded f"));
   EXPECT_EQ(reads, 1);
 }
 
-TEST(Script, ReadsARecordedDayOnce) {
+TEST(CommandSchedule, ReadsARecordedDayOnce) {
   int reads = 0;
   Switches s({{Kind::drone, "tello1"}, {Kind::server, "agent"}}, reading_once<Distribution::Recording>(read_recording),
              reading_once<std::shared_ptr<const LinkRecording>>([&](const std::string& path) {
                ++reads;
                return parse_link_recording(path, path == "lossless" ? "0,0.01\n1,0.02\n" : "0,0.01\n1,lost\n");
              }));
-  const auto script = Script::make({{0, ns_per_s, "drone tello1 state recorded-day f at 1s"}}, s);
-  ASSERT_TRUE(script) << script.error().message;
+  const auto schedule = CommandSchedule::make({{0, ns_per_s, "drone tello1 state recorded-day f at 1s"}}, s);
+  ASSERT_TRUE(schedule) << schedule.error().message;
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(s.apply("drone tello1 state recorded-day f at 1s"));
   EXPECT_EQ(reads, 1);
   EXPECT_EQ(s.list(), "drone tello1 state recorded-day f at 1s\n");
@@ -190,10 +190,10 @@ TEST(Script, ReadsARecordedDayOnce) {
   EXPECT_TRUE(s.apply("server agent both recorded-day lossless"));
 }
 
-TEST(Script, RefusesWhoseEndWouldEndAnother) {
-  const auto error_of = [](std::vector<ScriptedFault> faults) {
-    const auto script = Script::make(faults, switches());
-    return script ? "" : script.error().message;
+TEST(CommandSchedule, RefusesWhoseEndWouldEndAnother) {
+  const auto error_of = [](std::vector<ScheduledFault> faults) {
+    const auto schedule = CommandSchedule::make(faults, switches());
+    return schedule ? "" : schedule.error().message;
   };
   constexpr TimeNs s = ns_per_s;
   const char* why = "and the end of one would end both";
@@ -216,10 +216,10 @@ TEST(Script, RefusesWhoseEndWouldEndAnother) {
       "");
 }
 
-TEST(Script, RefusesAtOnceWhatCouldNotBeSwitchedLater) {
-  const auto error_of = [](ScriptedFault fault) {
-    const auto script = Script::make({fault}, switches());
-    return script ? "no error" : script.error().message;
+TEST(CommandSchedule, RefusesAtOnceWhatCouldNotBeSwitchedLater) {
+  const auto error_of = [](ScheduledFault fault) {
+    const auto schedule = CommandSchedule::make({fault}, switches());
+    return schedule ? "no error" : schedule.error().message;
   };
   EXPECT_THAT(error_of({ns_per_s, {}, "server agent to loss 5%"}), HasSubstr("loss is of datagrams"));
   EXPECT_THAT(error_of({ns_per_s, ns_per_s, "server agent cut"}), HasSubstr("only effects last for a time"));
