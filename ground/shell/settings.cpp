@@ -202,7 +202,8 @@ service::ServiceSettings service_settings(Config& config) {
        "Unix socket of a simulated flight's faults, for the page's switches; ./fly sets it (docs/station.md)"},
       "");
   if (settings.listen.empty()) return settings;
-  for (const service::Fault& fault : service::faults_of(settings)) config.wrong("service." + fault.key, fault.what);
+  for (const service::SettingError& error : service::errors_of(settings))
+    config.wrong("service." + error.key, error.what);
   return settings;
 }
 

@@ -109,9 +109,9 @@ Status check_names(const ServiceSettings& settings) {
 
 }  // namespace
 
-std::vector<Fault> faults_of(const ServiceSettings& settings) {
-  std::vector<Fault> faults;
-  const auto add = [&](const char* key, std::string what) { faults.push_back({key, std::move(what)}); };
+std::vector<SettingError> errors_of(const ServiceSettings& settings) {
+  std::vector<SettingError> errors;
+  const auto add = [&](const char* key, std::string what) { errors.push_back({key, std::move(what)}); };
   if (const Status listen = check_listen(settings); !listen) add("listen", listen.error().message);
   if (const Status names = check_names(settings); !names) add("names", names.error().message);
   if (settings.token_file.empty()) add("token_file", "must name a file, since [service] listen is set");
@@ -119,10 +119,10 @@ std::vector<Fault> faults_of(const ServiceSettings& settings) {
   if (settings.faults.size() > max_socket_path)
     add("faults", fmt::format("must be a path of at most {} bytes", max_socket_path));
   if (settings.has_tls() && settings.tls.key.empty()) add("tls_key", "must be there with tls_certificate");
-  if (settings.has_tls()) return faults;
+  if (settings.has_tls()) return errors;
   if (!settings.tls.key.empty()) add("tls_certificate", "must be there with tls_key");
   if (!settings.tls.authority.empty()) add("tls_client_ca", "must not be there without tls_certificate");
-  return faults;
+  return errors;
 }
 
 std::vector<std::string> hosts_of(const ServiceSettings& settings, std::uint16_t port) {

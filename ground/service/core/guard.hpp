@@ -82,11 +82,11 @@ struct ServiceSettings {
 };
 
 /// What is wrong with one key of them: "must ...".
-struct Fault {
+struct SettingError {
   std::string key, what;
 };
 /// Of settings with a `listen`.
-std::vector<Fault> faults_of(const ServiceSettings& settings);
+std::vector<SettingError> errors_of(const ServiceSettings& settings);
 
 /// What Host may say of a server with good settings that listens on `port`.
 std::vector<std::string> hosts_of(const ServiceSettings& settings, std::uint16_t port);

@@ -175,8 +175,8 @@ class BeastServer final : public Server {
 
 Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, std::vector<std::string> drones,
                                               const Greeting& greeting, Handlers handlers) {
-  if (const auto faults = faults_of(settings); !faults.empty())
-    return Error{fmt::format("[service] {} {}", faults[0].key, faults[0].what)};
+  if (const auto errors = errors_of(settings); !errors.empty())
+    return Error{fmt::format("[service] {} {}", errors[0].key, errors[0].what)};
   const auto token = read_token(settings.token_file);
   if (!token) return Error{"[service] token_file: " + token.error().message};
   std::optional<web::RenewedTls> tls;

@@ -13,49 +13,49 @@ ServiceSettings plain(const std::string& listen) { return {.listen = listen, .to
 ServiceSettings with_tls(const std::string& listen, std::vector<std::string> names = {}) {
   return {.listen = listen, .token_file = "token", .tls = {"cert.pem", "key.pem", ""}, .names = std::move(names)};
 }
-/// "key what" of the only fault; empty: there is none.
-std::string fault(const ServiceSettings& settings) {
-  const auto faults = faults_of(settings);
-  EXPECT_LE(faults.size(), 1U);
-  return faults.empty() ? "" : faults[0].key + " " + faults[0].what;
+/// "key what" of the only error; empty: there is none.
+std::string error_of(const ServiceSettings& settings) {
+  const auto errors = errors_of(settings);
+  EXPECT_LE(errors.size(), 1U);
+  return errors.empty() ? "" : errors[0].key + " " + errors[0].what;
 }
 
 TEST(ServiceSettings, WithoutTlsAreOfThisComputerAlone) {
-  for (const char* listen : {"127.0.0.1:8800", "127.1.2.3:0", "[::1]:8800"}) EXPECT_EQ(fault(plain(listen)), "");
+  for (const char* listen : {"127.0.0.1:8800", "127.1.2.3:0", "[::1]:8800"}) EXPECT_EQ(error_of(plain(listen)), "");
   for (const char* listen : {"0.0.0.0:8800", "10.0.0.1:8800", "[::]:8800", "[fd00::7]:8800"})
-    EXPECT_THAT(fault(plain(listen)), HasSubstr("set tls_certificate and tls_key, or take an SSH tunnel")) << listen;
+    EXPECT_THAT(error_of(plain(listen)), HasSubstr("set tls_certificate and tls_key, or take an SSH tunnel")) << listen;
   for (const char* listen : {"127.0.0.1", "127.0.0.1:65536", "127.0.0.1:x", "localhost:8800"})
-    EXPECT_THAT(fault(plain(listen)), HasSubstr("listen must")) << listen;
+    EXPECT_THAT(error_of(plain(listen)), HasSubstr("listen must")) << listen;
   ServiceSettings named = plain("127.0.0.1:8800");
   named.names = {"ground.example.org"};
-  EXPECT_THAT(fault(named), HasSubstr("names must not be there without tls_certificate"));
+  EXPECT_THAT(error_of(named), HasSubstr("names must not be there without tls_certificate"));
 }
 
 TEST(ServiceSettings, WithTlsAreOfAnyAddressAndSayItsNames) {
-  EXPECT_EQ(fault(with_tls("10.0.0.1:8800")), "");
-  EXPECT_EQ(fault(with_tls("0.0.0.0:8800", {"ground.example.org", "10.0.0.1", "fd00::7"})), "");
+  EXPECT_EQ(error_of(with_tls("10.0.0.1:8800")), "");
+  EXPECT_EQ(error_of(with_tls("0.0.0.0:8800", {"ground.example.org", "10.0.0.1", "fd00::7"})), "");
   for (const char* listen : {"0.0.0.0:8800", "[::]:8800"})
-    EXPECT_THAT(fault(with_tls(listen)), HasSubstr("names must say by which names")) << listen;
+    EXPECT_THAT(error_of(with_tls(listen)), HasSubstr("names must say by which names")) << listen;
   for (const char* name : {"Ground.example.org", "ground.example.org:8800", "https://ground.example.org", "[fd00::7]",
                            "*.example.org", "0.0.0.0", ""})
-    EXPECT_THAT(fault(with_tls("10.0.0.1:8800", {name})), HasSubstr("names must be")) << name;
+    EXPECT_THAT(error_of(with_tls("10.0.0.1:8800", {name})), HasSubstr("names must be")) << name;
 }
 
 TEST(ServiceSettings, OfTlsGoTogether) {
   ServiceSettings half = with_tls("127.0.0.1:8800");
   half.tls.key = "";
-  EXPECT_EQ(fault(half), "tls_key must be there with tls_certificate");
+  EXPECT_EQ(error_of(half), "tls_key must be there with tls_certificate");
   half = plain("127.0.0.1:8800");
   half.tls.key = "key.pem";
-  EXPECT_EQ(fault(half), "tls_certificate must be there with tls_key");
+  EXPECT_EQ(error_of(half), "tls_certificate must be there with tls_key");
   half.tls = {.authority = "ca.pem"};
-  EXPECT_EQ(fault(half), "tls_client_ca must not be there without tls_certificate");
+  EXPECT_EQ(error_of(half), "tls_client_ca must not be there without tls_certificate");
   half = plain("127.0.0.1:8800");
   half.faults = std::string(108, 'x');
-  EXPECT_EQ(fault(half), "faults must be a path of at most 107 bytes");
+  EXPECT_EQ(error_of(half), "faults must be a path of at most 107 bytes");
   half = plain("127.0.0.1:8800");
   half.token_file = "";
-  EXPECT_THAT(fault(half), HasSubstr("token_file must name a file"));
+  EXPECT_THAT(error_of(half), HasSubstr("token_file must name a file"));
 }
 
 TEST(ServiceSettings, SayWhatHostMayBe) {
