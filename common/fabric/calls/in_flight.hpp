@@ -21,7 +21,7 @@ namespace ledgerline::fabric {
 ///
 ///     add() -> in flight -> end(): its outcome came
 ///                  |          ^
-///                  +- landed(): in a block, its outcome still to come; no other call waits for it
+///                  +- mark_in_block(): in a block, its outcome still to come; no other call waits for it
 template <typename T>
 class InFlight {
  public:
@@ -31,7 +31,7 @@ class InFlight {
     std::uint64_t number = 0;
     TimeNs submitted_ns = 0;
     T what;
-    bool landed = false;
+    bool in_block = false;
   };
 
   void add(std::uint64_t number, TimeNs now, T what) {
@@ -55,11 +55,11 @@ class InFlight {
 
   /// The oldest call in flight of which `is` holds is in a block; when it was submitted.
   template <typename Is>
-  std::optional<TimeNs> landed(const Is& is) {
+  std::optional<TimeNs> mark_in_block(const Is& is) {
     const auto found = std::find_if(entries_.begin(), entries_.end(),
-                                    [&](const Entry& entry) { return !entry.landed && is(entry.what); });
+                                    [&](const Entry& entry) { return !entry.in_block && is(entry.what); });
     if (found == entries_.end()) return std::nullopt;
-    found->landed = true;
+    found->in_block = true;
     return found->submitted_ns;
   }
 
@@ -68,9 +68,9 @@ class InFlight {
   bool may_go(TimeNs now) const { return now >= next_ns(); }
   /// The earliest time at which may_go() holds, if no call ends before.
   TimeNs next_ns() const { return next_ns_behind(last_ns_); }
-  /// The same after the newest call in flight: one that landed does not count any more, even if it is newer.
+  /// The same after the newest call in flight: one in a block does not count any more, even if it is newer.
   bool may_go_behind_open(TimeNs now) const {
-    const auto newest = std::find_if(entries_.rbegin(), entries_.rend(), open);
+    const auto newest = std::find_if(entries_.rbegin(), entries_.rend(), is_open);
     return newest == entries_.rend() || now >= next_ns_behind(newest->submitted_ns);
   }
 
@@ -80,10 +80,10 @@ class InFlight {
   TimeNs last_ns() const { return last_ns_; }
 
  private:
-  static bool open(const Entry& entry) { return !entry.landed; }
+  static bool is_open(const Entry& entry) { return !entry.in_block; }
   // An eighth of the oldest one's age when the call goes is a seventh of its age when the last one went.
   TimeNs next_ns_behind(TimeNs last_ns) const {
-    const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
+    const auto oldest = std::find_if(entries_.begin(), entries_.end(), is_open);
     if (oldest == entries_.end()) return INT64_MIN;
     return last_ns + std::max(gap_ns_, (last_ns - oldest->submitted_ns + 6) / 7);
   }

@@ -107,7 +107,7 @@ void CommandOutbox::on_block(TimeNs now, const fabric::Transaction& tx) {
   const DronePlan& first = call.plans(0);
   const auto in_flight = in_flight_.find(call.organisation());
   if (in_flight == in_flight_.end()) return;
-  const auto submitted_ns = in_flight->second.landed([&](const Commands& commands) {
+  const auto submitted_ns = in_flight->second.mark_in_block([&](const Commands& commands) {
     const DronePlan& mine = commands.front().plan;
     return mine.drone() == first.drone() && mine.sequence() == first.sequence() && mine.epoch() == first.epoch() &&
            mine.state_stamp_ns() == first.state_stamp_ns();
@@ -132,7 +132,7 @@ void CommandOutbox::on_outcome(TimeNs now, const fabric::Outcome& outcome, std::
   switch (outcome.kind) {
     case Kind::committed:
       ++counters_.committed;
-      if (!ended->landed) timing_.measure(now - ended->submitted_ns);
+      if (!ended->in_block) timing_.measure(now - ended->submitted_ns);
       return;
     case Kind::invalidated:
       ++counters_.invalidated;

@@ -40,29 +40,29 @@ TEST(InFlight, ACallEndsOnceAndOneThatIsNoneChangesNothing) {
   EXPECT_EQ(calls.last_ns(), 0);
 }
 
-TEST(InFlight, ItIsFullAtItsBoundWhateverLanded) {
+TEST(InFlight, ItIsFullAtItsBoundWhateverIsInABlock) {
   InFlight<std::size_t> calls;
   for (std::size_t i = 0; i < InFlight<std::size_t>::max; ++i) {
     EXPECT_FALSE(calls.full());
     calls.add(i, 0, i);
-    EXPECT_TRUE(calls.landed([&](std::size_t what) { return what == i; }));
+    EXPECT_TRUE(calls.mark_in_block([&](std::size_t what) { return what == i; }));
   }
   EXPECT_TRUE(calls.full());
 }
 
-TEST(InFlight, WhatLandedIsWaitedForNoMore) {
+TEST(InFlight, WhatIsInABlockIsWaitedForNoMore) {
   InFlight<int> calls;
   calls.add(1, 0, 1);
   calls.add(2, 200 * ns_per_ms, 2);
-  EXPECT_EQ(calls.landed([](int what) { return what == 2; }), 200 * ns_per_ms);
-  EXPECT_FALSE(calls.landed([](int what) { return what == 2; })) << "once";
+  EXPECT_EQ(calls.mark_in_block([](int what) { return what == 2; }), 200 * ns_per_ms);
+  EXPECT_FALSE(calls.mark_in_block([](int what) { return what == 2; })) << "once";
   EXPECT_TRUE(calls.may_go_behind_open(210 * ns_per_ms)) << "the first is long ago";
   EXPECT_FALSE(calls.may_go(210 * ns_per_ms));
-  EXPECT_TRUE(calls.landed([](int) { return true; }));
+  EXPECT_TRUE(calls.mark_in_block([](int) { return true; }));
   EXPECT_TRUE(calls.may_go(210 * ns_per_ms));
   const auto ended = calls.end(2, committed());
   ASSERT_TRUE(ended);
-  EXPECT_TRUE(ended->landed);
+  EXPECT_TRUE(ended->in_block);
 }
 
 TEST(InFlight, WhileTheLedgerIsAwayLessAndLessIsAdded) {
