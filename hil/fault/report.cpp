@@ -67,7 +67,7 @@ json summary_json(const RunSummary& run) {
            {"seed", run.seed},
            {"source", run.source},
            {"broken", run.broken},
-           {"figures", json(run.figures)}};
+           {"figures", json(run.metrics)}};
   if (!run.digest.empty()) out["digest"] = run.digest;
   if (!run.mode.empty()) out["mode"] = run.mode;
   return out;
@@ -109,8 +109,8 @@ std::string not_checked_text(const RunResult& result) {
 
 RunSummary summary_of(const RunResult& result, const std::string& source) {
   RunSummary summary{
-      .script = result.script, .seed = result.seed, .source = source, .figures = {}, .flown_ns = result.flown_ns};
-  for (const MetricValue& figure : result.figures) summary.figures.emplace(figure.name, figure.value);
+      .script = result.script, .seed = result.seed, .source = source, .metrics = {}, .flown_ns = result.flown_ns};
+  for (const MetricValue& metric : result.metrics) summary.metrics.emplace(metric.name, metric.value);
   if (result.digest != crypto::Digest{}) summary.digest = crypto::hex(result.digest);
   for (const Verdict& verdict : result.verdicts) {
     if (!verdict.held) summary.broken.push_back(verdict.rule.text);
@@ -206,8 +206,8 @@ std::string csv_text(const std::vector<RunSummary>& all) {
     text += fmt::format("\n\"{}\",{},{},{},{:.3f},\"{}\"", run.script, run.seed, run.mode, run.broken.empty(),
                         to_seconds(run.flown_ns), broken);
     for (const MetricKind& kind : metric_kinds()) {
-      const auto figure = run.figures.find(kind.name);
-      text += figure == run.figures.end() ? "," : fmt::format(",{}", figure->second);
+      const auto metric = run.metrics.find(kind.name);
+      text += metric == run.metrics.end() ? "," : fmt::format(",{}", metric->second);
     }
   }
   return text + "\n";

@@ -31,7 +31,7 @@ struct NotFlown {
 };
 
 /// One JSON object: `runs`, with the events but without the timeline, and `figures` of `all`, a line each;
-/// `not_flown` has no figures.
+/// `not_flown` has no metrics.
 std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
                       const std::vector<NotFlown>& not_flown = {});
 /// As CI systems read it: a testcase for each run of `all`; what was seen is reported for those in `results`.
@@ -40,7 +40,7 @@ std::string junit_text(const std::vector<RunResult>& results, const std::vector<
                        const std::vector<NotFlown>& not_flown = {});
 /// One page with everything in it: each run's verdicts and timeline, and by_rule() of `all`.
 std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
-/// A line for each run: script, seed, mode, held, flown_s, the broken rules, then each figure.
+/// A line for each run: script, seed, mode, held, flown_s, the broken rules, then each metric.
 std::string csv_text(const std::vector<RunSummary>& all);
 
 /// In how many runs, and of how many scripts, a rule broke.

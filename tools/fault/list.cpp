@@ -1,4 +1,4 @@
-// ledgerline fault list: the scenarios that there are, the kinds of faults and rules, the figures.
+// ledgerline fault list: the scenarios that there are, the kinds of faults and rules, the metrics.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -77,7 +77,7 @@ int list_rules(Listing listing) {
   return listing.finish();
 }
 
-int list_figures(Listing listing) {
+int list_metrics(Listing listing) {
   for (const MetricKind& kind : metric_kinds()) {
     const char* worse = kind.less_is_worse ? "less" : "more";
     listing.add({{"figure", kind.name}, {"help", kind.help}, {"least_change", kind.least}, {"worse", worse}},
@@ -138,7 +138,7 @@ int list_scenarios(const std::string& asked, bool as_json) {
 int list_what(const ListOptions& options) {
   if (options.what == "faults") return list_faults(Listing(options.json));
   if (options.what == "rules") return list_rules(Listing(options.json));
-  if (options.what == "figures") return list_figures(Listing(options.json));
+  if (options.what == "figures") return list_metrics(Listing(options.json));
   return list_scenarios(options.what, options.json);
 }
 

@@ -39,15 +39,15 @@ bool broke(const FlownRun& run, const std::string& rule) {
   return std::find(run.broken.begin(), run.broken.end(), rule) != run.broken.end();
 }
 
-std::optional<double> value_in(const FlownRun& run, std::string_view figure) {
-  const auto found = run.figures.find(figure);
-  return found == run.figures.end() ? std::nullopt : std::optional(found->second);
+std::optional<double> value_in(const FlownRun& run, std::string_view metric) {
+  const auto found = run.metrics.find(metric);
+  return found == run.metrics.end() ? std::nullopt : std::optional(found->second);
 }
 
-std::vector<double> values_in(const std::vector<const FlownRun*>& runs, std::string_view figure) {
+std::vector<double> values_in(const std::vector<const FlownRun*>& runs, std::string_view metric) {
   std::vector<double> values;
   for (const FlownRun* run : runs) {
-    if (const auto value = value_in(*run, figure)) values.push_back(*value);
+    if (const auto value = value_in(*run, metric)) values.push_back(*value);
   }
   return values;
 }
@@ -80,7 +80,7 @@ class Comparer {
                                out_.left_out.empty() ? "" : ":\n  ", fmt::join(out_.left_out, "\n  "))};
     for (const Both& both : scripts_) {
       compare_rules(both);
-      for (const MetricKind& kind : metric_kinds()) compare_figure(both, kind);
+      for (const MetricKind& kind : metric_kinds()) compare_metric(both, kind);
     }
     for (const MetricKind& kind : metric_kinds()) compare_all_scripts(kind);
     decide();
@@ -91,7 +91,7 @@ class Comparer {
   struct Test {
     TestResult result;
     bool of_rule = false;
-    std::size_t which = 0;  ///< of out_.rules or out_.figures
+    std::size_t which = 0;  ///< of out_.rules or out_.metrics
     double least = 0;       ///< a smaller change does not count
     bool less_is_worse = false;
   };
@@ -118,18 +118,18 @@ class Comparer {
     for (const auto& [key, runs] : new_runs) {
       if (modes_of(old_runs, key.first).empty()) leave_out("{}: only in {}", key.first, new_.file);
     }
-    const std::set<std::string> before = unknown_figures(old_), now = unknown_figures(new_);
+    const std::set<std::string> before = unknown_metrics(old_), now = unknown_metrics(new_);
     std::set<std::string> unknown = before;
     unknown.insert(now.begin(), now.end());
-    for (const std::string& figure : unknown) leave_out("{}: no figure that this program knows", figure);
-    std::ranges::set_difference(before, now, std::inserter(missing_figures_, missing_figures_.end()));
+    for (const std::string& metric : unknown) leave_out("{}: no figure that this program knows", metric);
+    std::ranges::set_difference(before, now, std::inserter(missing_metrics_, missing_metrics_.end()));
   }
 
-  static std::set<std::string> unknown_figures(const Runs& runs) {
+  static std::set<std::string> unknown_metrics(const Runs& runs) {
     std::set<std::string> unknown;
     for (const FlownRun& run : runs.runs) {
-      for (const auto& [figure, value] : run.figures) {
-        if (!metric_kind(figure)) unknown.insert(figure);
+      for (const auto& [metric, value] : run.metrics) {
+        if (!metric_kind(metric)) unknown.insert(metric);
       }
     }
     return unknown;
@@ -203,9 +203,9 @@ class Comparer {
     out_.rules.push_back(std::move(change));
   }
 
-  void compare_figure(const Both& both, const MetricKind& kind) {
+  void compare_metric(const Both& both, const MetricKind& kind) {
     std::vector<double> before, now, differences;
-    MetricChange change{.script = both.script, .figure = std::string(kind.name), .paired = both.paired};
+    MetricChange change{.script = both.script, .metric = std::string(kind.name), .paired = both.paired};
     if (both.paired) {
       std::size_t lost = 0, new_ones = 0;
       for (std::size_t i = 0; i < both.old_runs.size(); ++i) {
@@ -221,11 +221,11 @@ class Comparer {
       if (lost + new_ones > 0)
         leave_out("{}: {}: of {} seeds only {} has it, of {} only {}", both.script, kind.name, lost, old_.file,
                   new_ones, new_.file);
-      if (lost > 0) missing_figures_.emplace(kind.name);
+      if (lost > 0) missing_metrics_.emplace(kind.name);
     } else {
       before = values_in(both.old_runs, kind.name);
       now = values_in(both.new_runs, kind.name);
-      if (!before.empty() && now.empty()) missing_figures_.emplace(kind.name);
+      if (!before.empty() && now.empty()) missing_metrics_.emplace(kind.name);
     }
     const TestResult result = both.paired ? signed_rank(differences) : rank_sum(before, now);
     const bool differs = both.paired ? change.worse + change.better > 0 : !before.empty() && !now.empty();
@@ -236,10 +236,10 @@ class Comparer {
     change.new_mean = mean_of(now);
     change.change = change.new_mean - change.old_mean;
     tests_.push_back({.result = result,
-                      .which = out_.figures.size(),
+                      .which = out_.metrics.size(),
                       .least = std::max(kind.least, options_.least_share * std::abs(change.old_mean)),
                       .less_is_worse = kind.less_is_worse});
-    out_.figures.push_back(std::move(change));
+    out_.metrics.push_back(std::move(change));
   }
 
   // What a few seeds of each script cannot show, all scripts together can: each pair's difference as a share of its
@@ -247,7 +247,7 @@ class Comparer {
   void compare_all_scripts(const MetricKind& kind) {
     std::vector<double> differences;
     std::size_t scripts = 0;
-    MetricChange change{.figure = std::string(kind.name)};
+    MetricChange change{.metric = std::string(kind.name)};
     for (const Both& both : scripts_) {
       if (!both.paired) continue;
       ++scripts;
@@ -263,10 +263,10 @@ class Comparer {
     change.old_runs = change.new_runs = differences.size();
     change.change = mean_of(differences);
     tests_.push_back({.result = signed_rank(differences),
-                      .which = out_.figures.size(),
+                      .which = out_.metrics.size(),
                       .least = options_.least_share,
                       .less_is_worse = kind.less_is_worse});
-    out_.figures.push_back(std::move(change));
+    out_.metrics.push_back(std::move(change));
   }
 
   void decide() {
@@ -300,11 +300,11 @@ class Comparer {
         if (certain) rule.verdict = one_way(test.result.direction > 0);
         continue;
       }
-      MetricChange& figure = out_.figures[test.which];
-      figure.p = corrected[i];
+      MetricChange& metric = out_.metrics[test.which];
+      metric.p = corrected[i];
       if (!certain) continue;
-      const bool counts = std::abs(figure.change) >= test.least && (figure.change > 0) == (test.result.direction > 0);
-      figure.verdict = counts ? one_way((figure.change > 0) != test.less_is_worse) : Change::small;
+      const bool counts = std::abs(metric.change) >= test.least && (metric.change > 0) == (test.result.direction > 0);
+      metric.verdict = counts ? one_way((metric.change > 0) != test.less_is_worse) : Change::small;
     }
     add_what_is_missing();
     add_what_may_be_worse();
@@ -313,8 +313,8 @@ class Comparer {
 
   void add_what_is_missing() {
     if (missing_runs_ > 0) cannot_tell("{} lacks {} runs that {} has", new_.file, missing_runs_, old_.file);
-    if (!missing_figures_.empty())
-      cannot_tell("{} lacks figures that {} has: {}", new_.file, old_.file, fmt::join(missing_figures_, ", "));
+    if (!missing_metrics_.empty())
+      cannot_tell("{} lacks figures that {} has: {}", new_.file, old_.file, fmt::join(missing_metrics_, ", "));
   }
 
   // A rule that broke newly and was repaired nowhere, in so few runs that no test is certain.
@@ -353,13 +353,13 @@ class Comparer {
   std::vector<Both> scripts_;
   std::vector<Test> tests_;
   std::size_t missing_runs_ = 0;           // that the old build has and the new one has not
-  std::set<std::string> missing_figures_;  // the same
+  std::set<std::string> missing_metrics_;  // the same
   Comparison out_;
 };
 
 bool any(const Comparison& comparison, Change verdict) {
   const auto is = [verdict](const auto& change) { return change.verdict == verdict; };
-  return std::ranges::any_of(comparison.rules, is) || std::ranges::any_of(comparison.figures, is);
+  return std::ranges::any_of(comparison.rules, is) || std::ranges::any_of(comparison.metrics, is);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@
 
 // Tells what became worse, or better, from one build to another, of runs of the same scripts by both. Pure.
 
-// Tests that distinguish a change from noise. They look at ranks alone: a flight's figures follow no known
+// Tests that distinguish a change from noise. They look at ranks alone: a flight's metrics follow no known
 // distribution, and one flight that went astray must not decide. Pure functions; all are two-sided.
 
 namespace ledgerline::hil::comparing {
@@ -26,7 +26,7 @@ struct FlownRun {
   std::string digest{};               ///< of all its bytes; empty: a run that promises none, in real time
   std::string mode{};                 ///< how it was flown: "sitl", "real" ...; empty: not said
   std::vector<std::string> broken{};  ///< rules
-  std::map<std::string, double, std::less<>> figures;
+  std::map<std::string, double, std::less<>> metrics;
   TimeNs flown_ns = 0;  ///< not in the file
 };
 struct Runs {
@@ -38,7 +38,7 @@ struct Options {
   /// Chance, at most, that any test calls equal builds different. It bounds the tests alone: a fact (RuleChange) is no
   /// test, and is reported as it is.
   double error_rate = 0.01;
-  double least_share = 0.02;  ///< of a figure's old mean: a smaller change does not count, be it ever so certain
+  double least_share = 0.02;  ///< of a metric's old mean: a smaller change does not count, be it ever so certain
 };
 
 enum class Change : std::uint8_t {
@@ -48,12 +48,12 @@ enum class Change : std::uint8_t {
   better
 };
 
-/// A figure of one script, or of all together; only those of which any run differs.
+/// A metric of one script, or of all together; only those of which any run differs.
 struct MetricChange {
   std::string script{};  ///< empty: all scripts whose seeds are paired, by shares of each pair's mean size
-  std::string figure;
+  std::string metric;
   bool paired = true;                      ///< by seed; else the two have no seed in common
-  std::size_t old_runs = 0, new_runs = 0;  ///< that have the figure; paired: pairs
+  std::size_t old_runs = 0, new_runs = 0;  ///< that have the metric; paired: pairs
   double old_mean = 0, new_mean = 0;       ///< of all scripts: unused
   double change = 0;                       ///< mean of the differences; of all scripts a share
   std::size_t worse = 0, better = 0;       ///< pairs
@@ -77,12 +77,12 @@ struct Comparison {
   std::size_t scripts = 0;  ///< compared
   std::size_t old_runs = 0, new_runs = 0, pairs = 0, same_bytes = 0;
   std::vector<RuleChange> rules;
-  std::vector<MetricChange> figures;
+  std::vector<MetricChange> metrics;
   std::size_t tests = 0;              ///< that Holm's correction corrects for
   std::size_t pairs_needed = 0;       ///< seeds of one script from which on anything can be said of it alone
   std::vector<std::string> left_out;  ///< what was not compared, and why, in words
   /// Why builds that no test distinguishes are not called equal, in words: no test can get below error_rate; runs or
-  /// figures of the old build are missing in the new one; a rule broke newly, was repaired nowhere, and in too few runs
+  /// metrics of the old build are missing in the new one; a rule broke newly, was repaired nowhere, and in too few runs
   /// to be certain.
   std::vector<std::string> cannot_tell;
 

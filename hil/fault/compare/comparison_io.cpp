@@ -38,13 +38,13 @@ Status broken_in(const json& row, std::vector<std::string>& broken) {
   return done;
 }
 
-Status figures_in(const json& row, FlownRun& run) {
+Status metrics_in(const json& row, FlownRun& run) {
   const auto found = row.find("figures");
   if (found == row.end() || !found->is_object()) return Error{"figures must be an object of numbers"};
   for (const auto& [name, value] : found->items()) {
     if (!value.is_number() || !std::isfinite(value.get<double>()))
       return Error{fmt::format("figures.{} must be a number", printable(name))};
-    run.figures[printable(name)] = value.get<double>();
+    run.metrics[printable(name)] = value.get<double>();
   }
   return done;
 }
@@ -60,7 +60,7 @@ Status run_in(const json& row, FlownRun& run) {
   if (auto read = text_in(row, "mode", false, run.mode); !read) return read;
   if (run.mode == "virtual") run.mode = "sitl";  // in files of before
   if (auto read = broken_in(row, run.broken); !read) return read;
-  return figures_in(row, run);
+  return metrics_in(row, run);
 }
 
 }  // namespace
@@ -98,22 +98,22 @@ namespace {
 
 constexpr std::size_t max_seeds = 5;  // in a line
 
-std::string percent_of(const MetricChange& figure) {
-  if (figure.script.empty()) return fmt::format("{:+.1f} %", 100 * figure.change);
-  if (figure.old_mean == 0) return fmt::format("{:+.4g}", figure.change);
-  return fmt::format("{:+.1f} %", 100 * figure.change / std::abs(figure.old_mean));
+std::string percent_of(const MetricChange& metric) {
+  if (metric.script.empty()) return fmt::format("{:+.1f} %", 100 * metric.change);
+  if (metric.old_mean == 0) return fmt::format("{:+.4g}", metric.change);
+  return fmt::format("{:+.1f} %", 100 * metric.change / std::abs(metric.old_mean));
 }
 
-std::string line_of(const MetricChange& figure) {
-  const bool all = figure.script.empty();
-  const std::string before = all ? "" : fmt::format("{:.4g}", figure.old_mean);
-  const std::string now = all ? "" : fmt::format("{:.4g}", figure.new_mean);
-  const std::string runs = figure.paired
-                               ? fmt::format("{} of {} worse, {} better", figure.worse, figure.old_runs, figure.better)
-                               : fmt::format("{} and {} runs, other seeds", figure.old_runs, figure.new_runs);
-  return fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {:<30} p {:.1g}\n", name_of(figure.verdict),
-                     all ? "all scripts" : figure.script, figure.figure, before, now, percent_of(figure), runs,
-                     figure.p);
+std::string line_of(const MetricChange& metric) {
+  const bool all = metric.script.empty();
+  const std::string before = all ? "" : fmt::format("{:.4g}", metric.old_mean);
+  const std::string now = all ? "" : fmt::format("{:.4g}", metric.new_mean);
+  const std::string runs = metric.paired
+                               ? fmt::format("{} of {} worse, {} better", metric.worse, metric.old_runs, metric.better)
+                               : fmt::format("{} and {} runs, other seeds", metric.old_runs, metric.new_runs);
+  return fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {:<30} p {:.1g}\n", name_of(metric.verdict),
+                     all ? "all scripts" : metric.script, metric.metric, before, now, percent_of(metric), runs,
+                     metric.p);
 }
 
 std::string line_of(const RuleChange& rule) {
@@ -157,8 +157,8 @@ std::string table_text(const Comparison& comparison, const Options& options, boo
   }
   std::string rows;
   for (const Change verdict : {Change::worse, Change::better, Change::small, Change::none}) {
-    for (const MetricChange& figure : comparison.figures) {
-      if (figure.verdict == verdict && is_reported(verdict)) rows += line_of(figure);
+    for (const MetricChange& metric : comparison.metrics) {
+      if (metric.verdict == verdict && is_reported(verdict)) rows += line_of(metric);
     }
   }
   if (!rows.empty())
@@ -176,36 +176,36 @@ std::string table_text(const Comparison& comparison, const Options& options, boo
   if (verdict != "equal") return text + verdict + "\n";
   const bool same_bytes = comparison.pairs > 0 && comparison.same_bytes == comparison.pairs;
   return text +
-         (same_bytes && comparison.figures.empty() ? "equal: the same bytes\n" : "equal: no change that counts\n");
+         (same_bytes && comparison.metrics.empty() ? "equal: the same bytes\n" : "equal: no change that counts\n");
 }
 
 std::string json_text(const Comparison& comparison) {
-  json figures = json::array();
-  for (const MetricChange& figure : comparison.figures) {
-    json row{{"script", figure.script.empty() ? json() : json(figure.script)},
-             {"figure", figure.figure},
-             {"paired", figure.paired},
-             {"old_runs", figure.old_runs},
-             {"new_runs", figure.new_runs},
-             {"change", figure.change},
-             {"p", figure.p},
-             {"verdict", name_of(figure.verdict)}};
-    if (!figure.script.empty()) {
-      row["old_mean"] = figure.old_mean;
-      row["new_mean"] = figure.new_mean;
+  json metrics = json::array();
+  for (const MetricChange& metric : comparison.metrics) {
+    json row{{"script", metric.script.empty() ? json() : json(metric.script)},
+             {"figure", metric.metric},
+             {"paired", metric.paired},
+             {"old_runs", metric.old_runs},
+             {"new_runs", metric.new_runs},
+             {"change", metric.change},
+             {"p", metric.p},
+             {"verdict", name_of(metric.verdict)}};
+    if (!metric.script.empty()) {
+      row["old_mean"] = metric.old_mean;
+      row["new_mean"] = metric.new_mean;
     }
-    if (figure.paired) {
-      row["worse"] = figure.worse;
-      row["better"] = figure.better;
+    if (metric.paired) {
+      row["worse"] = metric.worse;
+      row["better"] = metric.better;
     }
-    figures.push_back(std::move(row));
+    metrics.push_back(std::move(row));
   }
   return json{{"verdict", verdict_of(comparison)}, {"scripts", comparison.scripts},
               {"old_runs", comparison.old_runs},   {"new_runs", comparison.new_runs},
               {"pairs", comparison.pairs},         {"same_bytes", comparison.same_bytes},
               {"tests", comparison.tests},         {"pairs_needed", comparison.pairs_needed},
               {"left_out", comparison.left_out},   {"cannot_tell", comparison.cannot_tell},
-              {"rules", comparison.rules},         {"figures", figures}}
+              {"rules", comparison.rules},         {"figures", metrics}}
              .dump(2, ' ', false, json::error_handler_t::replace) +
          "\n";
 }

@@ -40,7 +40,7 @@ Result<Script> check_script(std::string_view toml, const std::string& file, cons
 
 struct RealOptions {
   std::string programs;   ///< directory of the programs
-  std::string directory;  ///< of this flight, made here: its run, figures and logs
+  std::string directory;  ///< of this flight, made here: its run, metrics and logs
   RealStack stack;
   OwnCode own{};  ///< a plug-in, or the program that flies a manual flight or one by the SDK
 };

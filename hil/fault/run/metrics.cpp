@@ -7,8 +7,8 @@ namespace ledgerline::hil {
 namespace {
 
 // `least`: what nobody would call a change, be it ever so certain. Each is near what one more or one less setpoint,
-// millisecond or datagram makes of the figure.
-constexpr MetricKind figure_table[] = {
+// millisecond or datagram makes of the metric.
+constexpr MetricKind metric_table[] = {
     {.name = "path_rms_m", .help = "distance of the truth from the path, root mean square", .least = 0.002},
     {.name = "path_max_m", .help = "the same, at most", .least = 0.01},
     {.name = "pose_rms_m", .help = "distance of what link estimates from the truth, in flight", .least = 0.002},
@@ -53,11 +53,11 @@ double beyond_m(const Limits& limits, const std::array<double, 3>& at) {
 
 }  // namespace
 
-std::span<const MetricKind> metric_kinds() { return figure_table; }
+std::span<const MetricKind> metric_kinds() { return metric_table; }
 
 const MetricKind* metric_kind(std::string_view name) {
-  const auto* found = std::ranges::find(figure_table, name, &MetricKind::name);
-  return found == std::end(figure_table) ? nullptr : found;
+  const auto* found = std::ranges::find(metric_table, name, &MetricKind::name);
+  return found == std::end(metric_table) ? nullptr : found;
 }
 
 void MetricRecorder::observe(const Moment& moment) {
@@ -116,31 +116,31 @@ void MetricRecorder::observe_distances(const Moment& moment) {
 }
 
 Metrics MetricRecorder::finish(TimeNs flown_ns) const {
-  Metrics figures;
+  Metrics metrics;
   const auto add_rms = [&](std::string_view name, const Squares& squares) {
-    if (squares.count > 0) figures.push_back({name, std::sqrt(squares.sum / static_cast<double>(squares.count))});
+    if (squares.count > 0) metrics.push_back({name, std::sqrt(squares.sum / static_cast<double>(squares.count))});
   };
   add_rms("path_rms_m", off_path_);
-  if (off_path_.count > 0) figures.push_back({"path_max_m", off_path_max_m_});
+  if (off_path_.count > 0) metrics.push_back({"path_max_m", off_path_max_m_});
   add_rms("pose_rms_m", off_pose_);
-  if (off_pose_.count > 0) figures.push_back({"pose_max_m", off_pose_max_m_});
-  figures.push_back({"beyond_fence_m", beyond_fence_m_});
-  if (off_pose_.count > 0) figures.push_back({"pose_beyond_fence_m", pose_beyond_fence_m_});
-  figures.push_back({"speed_max_mps", speed_max_mps_});
+  if (off_pose_.count > 0) metrics.push_back({"pose_max_m", off_pose_max_m_});
+  metrics.push_back({"beyond_fence_m", beyond_fence_m_});
+  if (off_pose_.count > 0) metrics.push_back({"pose_beyond_fence_m", pose_beyond_fence_m_});
+  metrics.push_back({"speed_max_mps", speed_max_mps_});
   add_rms("sent_change_mps2", sent_change_);
-  if (nearest_m_) figures.push_back({"nearest_m", *nearest_m_});
+  if (nearest_m_) metrics.push_back({"nearest_m", *nearest_m_});
   if (age_.count() > 0) {
-    figures.push_back({"command_age_median_ms", to_ms(age_.quantile(0.5))});
-    figures.push_back({"command_age_p95_ms", to_ms(age_.quantile(0.95))});
-    figures.push_back({"command_age_max_ms", to_ms(age_.max())});
+    metrics.push_back({"command_age_median_ms", to_ms(age_.quantile(0.5))});
+    metrics.push_back({"command_age_p95_ms", to_ms(age_.quantile(0.95))});
+    metrics.push_back({"command_age_max_ms", to_ms(age_.max())});
   }
-  if (flying_ns_ > 0) figures.push_back({"commands_hz", static_cast<double>(applied_) / to_seconds(flying_ns_)});
-  figures.push_back({"holds", static_cast<double>(holds_)});
-  figures.push_back({"brakes", static_cast<double>(brakes_)});
-  figures.push_back({"landings", static_cast<double>(landings_)});
-  figures.push_back({"held_s", to_seconds(held_ns_)});
-  figures.push_back({"flown_s", to_seconds(flown_ns)});
-  return figures;
+  if (flying_ns_ > 0) metrics.push_back({"commands_hz", static_cast<double>(applied_) / to_seconds(flying_ns_)});
+  metrics.push_back({"holds", static_cast<double>(holds_)});
+  metrics.push_back({"brakes", static_cast<double>(brakes_)});
+  metrics.push_back({"landings", static_cast<double>(landings_)});
+  metrics.push_back({"held_s", to_seconds(held_ns_)});
+  metrics.push_back({"flown_s", to_seconds(flown_ns)});
+  return metrics;
 }
 
 }  // namespace ledgerline::hil

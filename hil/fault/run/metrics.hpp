@@ -11,11 +11,11 @@
 
 namespace ledgerline::hil {
 
-/// A figure of a run, by which two builds are compared (hil/fault/compare): a row of the table in metrics.cpp.
+/// A metric of a run, by which two builds are compared (hil/fault/compare): a row of the table in metrics.cpp.
 struct MetricKind {
   std::string_view name;  ///< with its unit at the end
   std::string_view help;
-  double least = 0;            ///< a change below it counts for nothing [the figure's unit]
+  double least = 0;            ///< a change below it counts for nothing [the metric's unit]
   bool less_is_worse = false;  ///< otherwise more is
 };
 std::span<const MetricKind> metric_kinds();
@@ -28,7 +28,7 @@ struct MetricValue {
 };
 using Metrics = std::vector<MetricValue>;
 
-/// Makes a run's figures of its moments, of all drones together. A simulated run has a moment each millisecond, a
+/// Makes a run's metrics of its moments, of all drones together. A simulated run has a moment each millisecond, a
 /// recording of a real one as many as its traces show. Of bounded size; one thread.
 class MetricRecorder {
  public:

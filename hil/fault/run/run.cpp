@@ -94,7 +94,7 @@ bool RunResult::all_held() const {
 }
 
 RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneObservation>& drones)
-    : checker_(script.must, limits_of(script, drones)), figures_(limits_of(script, drones)) {
+    : checker_(script.must, limits_of(script, drones)), metrics_(limits_of(script, drones)) {
   result_.script = script.name;
   result_.title = script.title;
   result_.seed = seed;
@@ -104,7 +104,7 @@ RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::ve
 
 void RunRecorder::observe(const Moment& moment) {
   checker_.observe(moment);
-  figures_.observe(moment);
+  metrics_.observe(moment);
   for (const WorldEvent& event : moment.events) store_event(moment, event);
   if (moment.now < next_point_ns_) return;
   next_point_ns_ = moment.now + timeline_period_ns;
@@ -134,14 +134,14 @@ RunResult RunRecorder::finish(const Ending& ending) {
   result_.over = ending.over;
   result_.ok = ending.ok;
   result_.why = ending.why;
-  result_.figures = figures_.finish(ending.now);
+  result_.metrics = metrics_.finish(ending.now);
   return std::move(result_);
 }
 
 namespace {
 
-// What agent and link counted: each of its last life, agent's the mean of the drones that it has a figure of.
-void add_counts(const SimulatedWorld& world, Metrics& figures) {
+// What agent and link counted: each of its last life, agent's the mean of the drones that it has a metric of.
+void add_counts(const SimulatedWorld& world, Metrics& metrics) {
   Quantiles two_way;
   for (std::size_t i = 0; i < world.drones().size(); ++i) {
     const Quantiles drone = world.two_way_ms(i);
@@ -151,8 +151,8 @@ void add_counts(const SimulatedWorld& world, Metrics& figures) {
     two_way.p95 += drone.p95;
   }
   if (two_way.count > 0) {
-    figures.push_back({"two_way_median_ms", two_way.median / static_cast<double>(two_way.count)});
-    figures.push_back({"two_way_p95_ms", two_way.p95 / static_cast<double>(two_way.count)});
+    metrics.push_back({"two_way_median_ms", two_way.median / static_cast<double>(two_way.count)});
+    metrics.push_back({"two_way_p95_ms", two_way.p95 / static_cast<double>(two_way.count)});
   }
   std::uint64_t received = 0, late = 0, dropped = 0;
   for (const link::DroneReport& drone : world.link() ? world.link()->reports() : std::vector<link::DroneReport>{}) {
@@ -161,10 +161,10 @@ void add_counts(const SimulatedWorld& world, Metrics& figures) {
     dropped += drone.plans.dropped;
   }
   if (received > 0) {
-    figures.push_back({"late_percent", 100 * static_cast<double>(late) / static_cast<double>(received)});
-    figures.push_back({"dropped_percent", 100 * static_cast<double>(dropped) / static_cast<double>(received)});
+    metrics.push_back({"late_percent", 100 * static_cast<double>(late) / static_cast<double>(received)});
+    metrics.push_back({"dropped_percent", 100 * static_cast<double>(dropped) / static_cast<double>(received)});
   }
-  figures.push_back({"transactions", static_cast<double>(world.transactions())});
+  metrics.push_back({"transactions", static_cast<double>(world.transactions())});
 }
 
 }  // namespace
@@ -228,7 +228,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   for (std::string& gap : world.lost_transitions()) ending.lost.push_back(std::move(gap));
   RunResult result = recorder.finish(ending);
   result.plans = std::move(plans);
-  result.figures.insert(result.figures.end(), counts.begin(), counts.end());
+  result.metrics.insert(result.metrics.end(), counts.begin(), counts.end());
   result.blocks = world.blocks();
   result.transactions = world.transactions();
   result.digest = world.digest();

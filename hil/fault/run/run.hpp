@@ -46,7 +46,7 @@ struct RunResult {
   std::vector<std::string> drones;
   std::vector<std::string> plans;  ///< by drone: what became of them, as agent and link that ran last counted
   std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
-  Metrics figures;
+  Metrics metrics;
 };
 inline constexpr std::size_t max_events = 5'000;
 
@@ -59,7 +59,7 @@ std::vector<std::string> in_the_air(const std::vector<DroneObservation>& drones)
 /// "flying, hold (pose_lost)"; without mode and cause where there is none.
 std::string mode_text(const DroneObservation& observation);
 
-/// Has one run checked, moment by moment, and keeps of it its figures and what pictures and reports show: a point of
+/// Has one run checked, moment by moment, and keeps of it its metrics and what pictures and reports show: a point of
 /// each drone every timeline_period_ns, and the first max_events events. The run may be a simulated one or a recording
 /// of a real one. One thread.
 class RunRecorder {
@@ -76,7 +76,7 @@ class RunRecorder {
 
   RunResult result_;
   Checker checker_;
-  MetricRecorder figures_;
+  MetricRecorder metrics_;
   TimeNs next_point_ns_ = 0;
 };
 

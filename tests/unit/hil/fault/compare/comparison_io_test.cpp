@@ -21,7 +21,7 @@ RunResult result_of(const std::string& script, std::uint64_t seed, bool held) {
   Rule rule;
   rule.text = "finishes";
   result.verdicts.push_back({rule, held, 0, ""});
-  result.figures = {{"path_rms_m", 0.1234567890123}, {"holds", 1}};
+  result.metrics = {{"path_rms_m", 0.1234567890123}, {"holds", 1}};
   return result;
 }
 
@@ -38,7 +38,7 @@ TEST(ResultsFile, HasEveryRunThatWasFlownNotOnlyThoseInFull) {
   EXPECT_EQ(run.source, "text");
   EXPECT_EQ(run.digest.substr(0, 4), "0700");
   EXPECT_EQ(run.broken, std::vector<std::string>{"finishes"});
-  EXPECT_EQ(run.figures.at("path_rms_m"), 0.1234567890123) << "to the last bit";
+  EXPECT_EQ(run.metrics.at("path_rms_m"), 0.1234567890123) << "to the last bit";
   EXPECT_TRUE(runs->runs[0].broken.empty());
 }
 

@@ -17,7 +17,7 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-/// Runs with figures that vary as those of flights do; `change` makes another build of each.
+/// Runs with metrics that vary as those of flights do; `change` makes another build of each.
 struct Flights {
   int scripts = 3, first_seed = 1, seeds = 30;
   std::uint64_t build = 1;
@@ -37,7 +37,7 @@ struct Flights {
         run.seed = static_cast<std::uint64_t>(seed);
         run.source = "s";
         run.digest = std::to_string(random.next());
-        run.figures = {{"path_rms_m", 0.05 * script + 0.004 * noise()},
+        run.metrics = {{"path_rms_m", 0.05 * script + 0.004 * noise()},
                        {"command_age_median_ms", age_ms + 4 * noise()},
                        {"commands_hz", 30 + noise()},
                        {"holds", std::floor(random.uniform() * 1.1)},
@@ -59,8 +59,8 @@ Comparison of(const Runs& a, const Runs& b, const Options& options = {}) {
 
 std::vector<std::string> sent(const Comparison& comparison, Change verdict) {
   std::vector<std::string> names;
-  for (const MetricChange& figure : comparison.figures) {
-    if (figure.verdict == verdict) names.push_back(figure.script + ":" + figure.figure);
+  for (const MetricChange& metric : comparison.metrics) {
+    if (metric.verdict == verdict) names.push_back(metric.script + ":" + metric.metric);
   }
   return names;
 }
@@ -84,7 +84,7 @@ TEST(Comparison, NoiseIsEqualWithTheSameSeedsAndWithOthers) {
         of(Flights{.build = build}.runs(), Flights{.first_seed = 100, .build = build}.runs());
     EXPECT_EQ(verdict_of(other_seeds), "equal") << table_text(other_seeds, {}, true);
     EXPECT_EQ(other_seeds.pairs, 0U);
-    EXPECT_FALSE(other_seeds.figures.at(0).paired);
+    EXPECT_FALSE(other_seeds.metrics.at(0).paired);
   }
 }
 
@@ -105,7 +105,7 @@ TEST(Comparison, EqualBuildsAreDistinguishedNoOftenerThanItSays) {
 
 TEST(Comparison, ARegressionIsDistinguishedFromNoiseAndNamed) {
   const auto later = [](FlownRun& run) {
-    if (run.script == "script2") run.figures["command_age_median_ms"] += 5;
+    if (run.script == "script2") run.metrics["command_age_median_ms"] += 5;
   };
   for (const int first_seed : {1, 100}) {
     const Comparison comparison =
@@ -123,7 +123,7 @@ TEST(Comparison, ARegressionIsDistinguishedFromNoiseAndNamed) {
 }
 
 TEST(Comparison, LessIsWorseWhereTheTableSaysSo) {
-  const auto fewer = [](FlownRun& run) { run.figures["commands_hz"] -= 2; };
+  const auto fewer = [](FlownRun& run) { run.metrics["commands_hz"] -= 2; };
   const Comparison comparison = of(Flights{}.runs(), Flights{.build = 2, .change = fewer}.runs());
   EXPECT_THAT(sent(comparison, Change::worse), Contains("script1:commands_hz"));
   EXPECT_EQ(verdict_of(of(Flights{.build = 2, .change = fewer}.runs(), Flights{}.runs())), "improvement");
@@ -131,7 +131,7 @@ TEST(Comparison, LessIsWorseWhereTheTableSaysSo) {
 
 TEST(Comparison, WhatIsCertainAndSmallDoesNotCount) {
   const auto slightly = [](FlownRun& run) {
-    run.figures["command_age_median_ms"] += 0.9;
+    run.metrics["command_age_median_ms"] += 0.9;
   };  // least: 1 ms, and 2 % of 80 ms
   const Runs runs = Flights{}.runs();
   Runs changed = runs;
@@ -208,7 +208,7 @@ TEST(Comparison, TheSameBytesWithOtherVerdictsAreAFact) {
   EXPECT_THAT(table_text(of(broken, more), {}, false), HasSubstr("without a test and outside of that chance: 1"));
 }
 
-TEST(Comparison, RunsAndFiguresThatTheNewBuildLacksAreNoEquality) {
+TEST(Comparison, RunsAndMetricsThatTheNewBuildLacksAreNoEquality) {
   const Runs all = Flights{}.runs();
   const auto without = [&](const std::function<bool(const FlownRun&)>& gone) {
     Runs some{"new.json", {}};
@@ -225,15 +225,15 @@ TEST(Comparison, RunsAndFiguresThatTheNewBuildLacksAreNoEquality) {
   EXPECT_EQ(verdict_of(of(no_seed, all)), "equal");
 
   for (const int first_seed : {1, 100}) {  // also of other seeds
-    const auto no_figure = [](FlownRun& run) { run.figures.erase("path_rms_m"); };
-    const Runs lacks = Flights{.first_seed = first_seed, .build = 2, .change = no_figure}.runs();
+    const auto no_metric = [](FlownRun& run) { run.metrics.erase("path_rms_m"); };
+    const Runs lacks = Flights{.first_seed = first_seed, .build = 2, .change = no_metric}.runs();
     EXPECT_THAT(of(all, lacks).cannot_tell, ElementsAre("build2.json lacks figures that build1.json has: path_rms_m"));
     EXPECT_EQ(verdict_of(of(lacks, all)), "equal");
   }
   Runs once = all, renamed = all;
-  once.runs[7].figures.erase("holds");
+  once.runs[7].metrics.erase("holds");
   EXPECT_EQ(verdict_of(of(all, once)), "unknown") << "the same bytes, too";
-  for (FlownRun& run : renamed.runs) run.figures["wings"] = 2;
+  for (FlownRun& run : renamed.runs) run.metrics["wings"] = 2;
   EXPECT_THAT(of(renamed, all).cannot_tell, ElementsAre("build1.json lacks figures that build1.json has: wings"));
 }
 
@@ -287,7 +287,7 @@ TEST(Comparison, OnlyTheSameModeIsCompared) {
 }
 
 TEST(Comparison, FewSeedsOfManyScriptsAreOrderedTogether) {
-  const auto later = [](FlownRun& run) { run.figures["command_age_median_ms"] += 8; };
+  const auto later = [](FlownRun& run) { run.metrics["command_age_median_ms"] += 8; };
   const Flights few{.scripts = 40, .seeds = 1};
   const Comparison comparison = of(few.runs(), Flights{.scripts = 40, .seeds = 1, .build = 2, .change = later}.runs());
   EXPECT_EQ(sent(comparison, Change::worse), std::vector<std::string>{":command_age_median_ms"});
@@ -308,10 +308,10 @@ TEST(Comparison, SaysWhatItCouldNotCompare) {
   Runs before = Flights{.scripts = 3, .seeds = 20}.runs(), now = Flights{.scripts = 2, .seeds = 30, .build = 2}.runs();
   for (FlownRun& run : now.runs) {
     if (run.script == "script1") run.source = "another";
-    run.figures["wings"] = 2;
+    run.metrics["wings"] = 2;
   }
   for (FlownRun& run : before.runs) {
-    if (run.script == "script2" && run.seed == 1) run.figures.erase("path_rms_m");
+    if (run.script == "script2" && run.seed == 1) run.metrics.erase("path_rms_m");
   }
   const Comparison comparison = of(before, now);
   EXPECT_EQ(comparison.scripts, 1U);

@@ -31,9 +31,9 @@ struct Flown {
       events.clear();
     }
   }
-  std::map<std::string, double> figures() const {
+  std::map<std::string, double> metrics() const {
     std::map<std::string, double> values;
-    for (const MetricValue& figure : maker.finish(now)) values[std::string(figure.name)] = figure.value;
+    for (const MetricValue& metric : maker.finish(now)) values[std::string(metric.name)] = metric.value;
     return values;
   }
 
@@ -55,7 +55,7 @@ TEST(Metrics, EachHasARowOfTheTableAndNoTwoHaveOneName) {
   flown.drones[0].off_path_m = 0.1;
   flown.events = {{0, WorldEvent::Kind::applied, 0, 0.08, {}, 1}};
   flown.pass(ns_per_s);
-  for (const auto& [name, value] : flown.figures()) EXPECT_NE(metric_kind(name), nullptr) << name;
+  for (const auto& [name, value] : flown.metrics()) EXPECT_NE(metric_kind(name), nullptr) << name;
 }
 
 TEST(Metrics, OfErrorsAreTheRootMeanSquareAndTheMost) {
@@ -66,14 +66,14 @@ TEST(Metrics, OfErrorsAreTheRootMeanSquareAndTheMost) {
   flown.drones[0].pose->position_m = {0, 0.06, 1};
   flown.drones[1].truth.velocity_mps = {0.3, 0, 0.4};
   flown.pass(ns_per_s);
-  const auto figures = flown.figures();
-  EXPECT_NEAR(figures.at("path_rms_m"), std::sqrt((0.09 + 0.16) / 2), 1e-12);
-  EXPECT_EQ(figures.at("path_max_m"), 0.4);
-  EXPECT_NEAR(figures.at("pose_rms_m"), 0.06, 1e-12);
-  EXPECT_NEAR(figures.at("pose_max_m"), 0.06, 1e-12);
-  EXPECT_NEAR(figures.at("speed_max_mps"), 0.5, 1e-12);
-  EXPECT_EQ(figures.at("nearest_m"), 2);
-  EXPECT_NEAR(figures.at("flown_s"), 1, 1e-9);
+  const auto metrics = flown.metrics();
+  EXPECT_NEAR(metrics.at("path_rms_m"), std::sqrt((0.09 + 0.16) / 2), 1e-12);
+  EXPECT_EQ(metrics.at("path_max_m"), 0.4);
+  EXPECT_NEAR(metrics.at("pose_rms_m"), 0.06, 1e-12);
+  EXPECT_NEAR(metrics.at("pose_max_m"), 0.06, 1e-12);
+  EXPECT_NEAR(metrics.at("speed_max_mps"), 0.5, 1e-12);
+  EXPECT_EQ(metrics.at("nearest_m"), 2);
+  EXPECT_NEAR(metrics.at("flown_s"), 1, 1e-9);
 }
 
 TEST(Metrics, OfTheFenceTellTheTruthBesideTheEstimate) {
@@ -82,8 +82,8 @@ TEST(Metrics, OfTheFenceTellTheTruthBesideTheEstimate) {
   flown.drones[0].pose = Pose{};
   flown.drones[0].pose->position_m = {0, Limits{}.fence_min_m[1] - 0.5, 1};
   flown.pass(ns_per_s);
-  EXPECT_NEAR(flown.figures().at("beyond_fence_m"), 3, 1e-9);
-  EXPECT_NEAR(flown.figures().at("pose_beyond_fence_m"), 0.5, 1e-9);
+  EXPECT_NEAR(flown.metrics().at("beyond_fence_m"), 3, 1e-9);
+  EXPECT_NEAR(flown.metrics().at("pose_beyond_fence_m"), 0.5, 1e-9);
 }
 
 TEST(Metrics, CountHoldsInFlightAndHowLongTheyLast) {
@@ -100,11 +100,11 @@ TEST(Metrics, CountHoldsInFlightAndHowLongTheyLast) {
   flown.drones[0].phase = FlightPhase::landed;
   mode(FailsafeMode::none, 100 * ns_per_ms);
   mode(FailsafeMode::hold, 100 * ns_per_ms);
-  const auto figures = flown.figures();
-  EXPECT_EQ(figures.at("holds"), 2);
-  EXPECT_EQ(figures.at("brakes"), 1);
-  EXPECT_EQ(figures.at("landings"), 1);
-  EXPECT_NEAR(figures.at("held_s"), 0.6, 1e-9);
+  const auto metrics = flown.metrics();
+  EXPECT_EQ(metrics.at("holds"), 2);
+  EXPECT_EQ(metrics.at("brakes"), 1);
+  EXPECT_EQ(metrics.at("landings"), 1);
+  EXPECT_NEAR(metrics.at("held_s"), 0.6, 1e-9);
 }
 
 TEST(Metrics, OfCommandsAreTheirAgeAndHowManyASecond) {
@@ -113,10 +113,10 @@ TEST(Metrics, OfCommandsAreTheirAgeAndHowManyASecond) {
     flown.events = {{0, WorldEvent::Kind::applied, 0, i < 57 ? 0.08 : 0.2, {}, 1}};
     flown.pass(20 * ns_per_ms);
   }
-  const auto figures = flown.figures();
-  EXPECT_NEAR(figures.at("command_age_median_ms"), 80, 2);
-  EXPECT_NEAR(figures.at("command_age_max_ms"), 200, 1e-6);
-  EXPECT_NEAR(figures.at("commands_hz"), 60 / 2.4, 1e-9) << "two drones fly 1.2 s";
+  const auto metrics = flown.metrics();
+  EXPECT_NEAR(metrics.at("command_age_median_ms"), 80, 2);
+  EXPECT_NEAR(metrics.at("command_age_max_ms"), 200, 1e-6);
+  EXPECT_NEAR(metrics.at("commands_hz"), 60 / 2.4, 1e-9) << "two drones fly 1.2 s";
 }
 
 TEST(Metrics, OfWhatADroneIsSentAreChangesOverTime) {
@@ -126,7 +126,7 @@ TEST(Metrics, OfWhatADroneIsSentAreChangesOverTime) {
     flown.drones[0].sent_ns = flown.now + ns_per_ms;
     flown.pass(50 * ns_per_ms);
   }
-  EXPECT_NEAR(flown.figures().at("sent_change_mps2"), 2, 1e-9);
+  EXPECT_NEAR(flown.metrics().at("sent_change_mps2"), 2, 1e-9);
 }
 
 TEST(Metrics, OfWhatWasNotThereAreNotThere) {
@@ -137,7 +137,7 @@ TEST(Metrics, OfWhatWasNotThereAreNotThere) {
   moment.drones = drones;
   maker.observe(moment);
   std::set<std::string_view> names;
-  for (const MetricValue& figure : maker.finish(ns_per_ms)) names.insert(figure.name);
+  for (const MetricValue& metric : maker.finish(ns_per_ms)) names.insert(metric.name);
   for (const char* none : {"path_rms_m", "nearest_m", "command_age_median_ms", "commands_hz", "sent_change_mps2"})
     EXPECT_FALSE(names.contains(none)) << none;
 }
