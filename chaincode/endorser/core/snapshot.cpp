@@ -1,4 +1,4 @@
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 
 #include <utility>
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <thread>
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "chaincode/endorser/core/peer_follower.hpp"
 #include "chaincode/endorser/core/peer_snapshot.hpp"
 #include "chaincode/endorser/shell/priority_mutex.hpp"
@@ -137,7 +137,7 @@ class Service {
   mutable PriorityMutex mutex_;  // guards what follows; lock_later() is for the proposals of others alone
   std::condition_variable checker_wakes_, waiters_wake_;  // the second: of those who wait for an answer or readiness
   std::shared_ptr<const crypto::SigningIdentity> last_identity_;  ///< the newest of identity_; signs, or was refused
-  Core core_;
+  EndorserCore core_;
   BlockSources sources_;
   PendingCheckpoint pending_checkpoint_;
   Readiness readiness_;

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/core/node_core.hpp"
 #include "chaincode/node/shell/block_feed.hpp"
 #include "chaincode/node/shell/task_turns.hpp"
 #include "chaincode/node/storage/block_store.hpp"

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/core/node_core.hpp"
 #include "chaincode/node/storage/block_store.hpp"
 #include "common/base/random.hpp"
 #include "common/base/result.hpp"

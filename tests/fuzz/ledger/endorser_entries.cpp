@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
@@ -20,7 +20,7 @@ fabric::BlockValidator::MakeRegistry members() {
   };
 }
 
-endorser::Core::Setup setup() {
+endorser::EndorserCore::Setup setup() {
   return {.where = {}, .identity = crypto::make_test_identity({"Org1MSP", "CN=peer1"}), .make_registry = members()};
 }
 
@@ -38,7 +38,7 @@ class SnapshotEntry final : public Entry {
 
   std::vector<std::string> seeds() override {
     std::vector<std::string> all;
-    endorser::Core core(setup());
+    endorser::EndorserCore core(setup());
     for (const std::string& raw : net_->chain) {
       const auto block = fabric::decode_block(raw);
       if (!block || !core.apply(*block, raw)) return {};
@@ -48,7 +48,7 @@ class SnapshotEntry final : public Entry {
   }
 
   Outcome feed(std::string_view bytes) override {
-    endorser::Core core(setup());
+    endorser::EndorserCore core(setup());
     if (const Status restored = core.restore(bytes); !restored)
       return core.height() == 0 && core.hash().empty() ? refused(restored.error().message) : refused("");
     const std::string again = core.snapshot();

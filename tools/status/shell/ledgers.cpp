@@ -1,6 +1,6 @@
 #include "tools/status/shell/query.hpp"
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"

@@ -4,7 +4,8 @@ namespace ledgerline::endorser {
 
 void Machine::start(const Member& as) {
   identity_ = &as;
-  core_ = std::make_unique<Core>(Core::Setup{{}, as.identity, fabric::BlockValidator::registry_of(library)});
+  core_ = std::make_unique<EndorserCore>(
+      EndorserCore::Setup{{}, as.identity, fabric::BlockValidator::registry_of(library)});
   validator_ = *fabric::BlockValidator::from(channel_.blocks.front(), "teleop", library);
   readiness_ = {};
   checks_.clear();

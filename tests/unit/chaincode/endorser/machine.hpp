@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "chaincode/endorser/core/peer_follower.hpp"
 #include "common/base/random.hpp"
 #include "tests/unit/chaincode/endorser/channel.hpp"
@@ -50,7 +50,7 @@ class Machine {
   Channel& channel_;
   Random& random_;
   const Member* identity_ = nullptr;
-  std::unique_ptr<Core> core_;
+  std::unique_ptr<EndorserCore> core_;
   std::optional<fabric::BlockValidator> validator_;
   Readiness readiness_;
   std::string why_;

@@ -9,7 +9,7 @@
 #include <atomic>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "common/base/file.hpp"
 #include "common/fabric/blocks/checkpoint.hpp"
 #include "common/fabric/client/client.hpp"

@@ -5,7 +5,7 @@
 
 #include <map>
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "chaincode/endorser/core/peer_follower.hpp"
 #include "chaincode/endorser/core/peer_snapshot.hpp"
 #include "peer/proposal_response.pb.h"
@@ -56,9 +56,9 @@ class RandomProposals : public ::testing::Test {
       ASSERT_TRUE(taken.ok()) << taken.error().message;
     }
   }
-  static std::unique_ptr<Core> make_core() {
-    return std::make_unique<Core>(
-        Core::Setup{{}, people().endorsers[0].identity, fabric::BlockValidator::registry_of(library)});
+  static std::unique_ptr<EndorserCore> make_core() {
+    return std::make_unique<EndorserCore>(
+        EndorserCore::Setup{{}, people().endorsers[0].identity, fabric::BlockValidator::registry_of(library)});
   }
   /// With what the peer's snapshot of now says, in place of all blocks.
   void restart() {
@@ -168,7 +168,7 @@ class RandomProposals : public ::testing::Test {
   const std::vector<crypto::IdentityName> names_ = names_of(members_);
   node::Now now_{ns_per_s, realtime_ns() + two_days_ns};  // behind the end of the one that expires
   Channel channel_;
-  std::unique_ptr<Core> core_ = make_core();
+  std::unique_ptr<EndorserCore> core_ = make_core();
   int nonces_ = 0;
   std::string last_nonce_;
   std::vector<std::pair<const crypto::SigningIdentity*, std::string>> used_;

@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 
 class FirstStateTest : public FollowedChannel {
  protected:
-  Comparison beside_the_peer(Core& one, const fabric::Proposal& proposal) {
+  Comparison beside_the_peer(EndorserCore& one, const fabric::Proposal& proposal) {
     const Reply own = one.process_proposal(proposal.signed_proposal, now),
                 peers = channel.peer.process_proposal(proposal.signed_proposal, now);
     EXPECT_EQ(own.code, peers.code) << own.message << " | " << peers.message;
@@ -45,7 +45,7 @@ TEST_F(FirstStateTest, AnswersAsThePeerAndGoesOnByItsBlocks) {
   follow(core);
   auto begun = begin(snapshot_of(known()));
   ASSERT_TRUE(begun.ok()) << begun.error().message;
-  Core& own = **begun;
+  EndorserCore& own = **begun;
   EXPECT_EQ(own.height(), channel.blocks.size());
   EXPECT_EQ(own.defined_at(), core.defined_at());
   EXPECT_EQ(beside_the_peer(own, used), Comparison::same) << "an id of before the snapshot is used up";
@@ -60,7 +60,7 @@ TEST_F(FirstStateTest, AnswersAsThePeerAndGoesOnByItsBlocks) {
     follow(own);
   }
   // It begins again from what it has kept by then.
-  Core again(setup());
+  EndorserCore again(setup());
   ASSERT_TRUE(again.restore(own.snapshot()).ok());
   EXPECT_EQ(beside_the_peer(again, propose(steady_holder, calls.command())), Comparison::same);
 }
@@ -73,7 +73,7 @@ TEST_F(FirstStateTest, WhatIsInOldBlocksIsForAPeerToAnswer) {
   ASSERT_TRUE(begun.ok()) << begun.error().message;
   commit(steady_host, state);
   follow(**begun);
-  Core again(setup());
+  EndorserCore again(setup());
   ASSERT_TRUE(again.restore((*begun)->snapshot()).ok());
   // The second was never there, or was deleted before the snapshot: who has not read the blocks cannot say.
   for (const char* id : {"tello9/a", "tello9/of-which-nobody-has-heard"}) {
@@ -93,7 +93,7 @@ TEST_F(FirstStateTest, WithoutItsHashAChangedValueWouldBeEndorsed) {
   QueryCall question;
   question.set_id("tello9/a");
   const auto proposal = propose(steady_host, {"get", {question.SerializeAsString()}});
-  const auto endorsed = [&](Core& one) {
+  const auto endorsed = [&](EndorserCore& one) {
     protos::ProposalResponse response;
     response.ParseFromString(one.process_proposal(proposal.signed_proposal, now).bytes);
     return response.has_endorsement() ? response.response().payload() : "";

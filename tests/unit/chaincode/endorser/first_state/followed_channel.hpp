@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "chaincode/endorser/core/peer_snapshot.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/chaincode/endorser/channel.hpp"
@@ -41,7 +41,7 @@ class FollowedChannel : public ::testing::Test {
               std::vector<int>{protos::VALID});
     return proposal;
   }
-  void follow(Core& one) {
+  void follow(EndorserCore& one) {
     while (one.height() < channel.blocks.size()) {
       const std::string& raw = channel.blocks[one.height()];
       const Status taken = one.apply(*fabric::decode_block(raw), raw);
@@ -49,7 +49,7 @@ class FollowedChannel : public ::testing::Test {
     }
   }
 
-  Core::Setup setup() const {
+  EndorserCore::Setup setup() const {
     return {{}, people().endorsers[0].identity, fabric::BlockValidator::registry_of(library)};
   }
   Snapshot known() const { return *read_snapshot(core.snapshot()); }
@@ -63,13 +63,13 @@ class FollowedChannel : public ::testing::Test {
     return block;
   }
   /// One that begins with the snapshot, where the chain is its.
-  Result<std::unique_ptr<Core>> begin(const PeerSnapshotFiles& files, std::string_view hash = {}) const {
+  Result<std::unique_ptr<EndorserCore>> begin(const PeerSnapshotFiles& files, std::string_view hash = {}) const {
     const auto said = read_peer_snapshot(files, {}, hash);
     if (!said) return said.error();
     fabric::BlockValidator anchored = make_validator();
     const auto config = verify_snapshot(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
     if (!config) return config.error();
-    auto begun = std::make_unique<Core>(setup());
+    auto begun = std::make_unique<EndorserCore>(setup());
     const Status restored = begun->restore({said->end, *config, said->contract, said->lifecycle});
     if (!restored) return restored.error();
     return begun;
@@ -83,7 +83,7 @@ class FollowedChannel : public ::testing::Test {
                                     people().hosts[1]};
   node::Now now{ns_per_s, realtime_ns()};
   Channel channel;
-  Core core{setup()};
+  EndorserCore core{setup()};
   Calls calls{5, names_of(members)};
 
  private:

@@ -3,7 +3,7 @@
 #include <string_view>
 #include <vector>
 
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 #include "chaincode/endorser/core/peer_snapshot.hpp"
 
 /// Snapshots as a peer of Fabric writes them, for tests of those who read them.

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/core/node_core.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/core/node_core.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "msp/identities.pb.h"
 #include "peer/proposal.pb.h"

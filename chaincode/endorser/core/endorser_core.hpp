@@ -33,16 +33,16 @@ inline constexpr const char* for_its_contract_alone = "the endorser answers for 
 /// in; answers out, byte for byte those of a peer of the organisation that has taken the same blocks (but for the
 /// signature). It runs the contract against the state that the blocks made, and keeps that state in memory: the keys of
 /// the contract with their policies, the ids of all transactions, and the contract's definition. One thread at a time.
-class Core {
+class EndorserCore {
  public:
   struct Setup {
     fabric::ChannelAndContract where;
     crypto::SigningIdentity identity;  ///< OU=peer, of its own: SECURITY.md says what its key can do
     fabric::BlockValidator::MakeRegistry make_registry;
   };
-  explicit Core(Setup setup);
-  Core(const Core&) = delete;
-  Core& operator=(const Core&) = delete;
+  explicit EndorserCore(Setup setup);
+  EndorserCore(const EndorserCore&) = delete;
+  EndorserCore& operator=(const EndorserCore&) = delete;
 
   /// The next block, as a stream that validates blocks handed it over (fabric::Client::blocks): `block` says which of
   /// the transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not

@@ -1,4 +1,4 @@
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 
 #include <gmock/gmock.h>
 
@@ -56,7 +56,7 @@ class OwnEndorserTest : public ::testing::Test {
 
   node::FakeNetwork net{with_orderers()};
   const crypto::SigningIdentity identity = crypto::make_test_identity({"Org1MSP", "CN=peer1"});
-  Core core{{{}, identity, test_members()}};
+  EndorserCore core{{{}, identity, test_members()}};
 };
 
 TEST_F(OwnEndorserTest, AnswersAsThePeerAndSignsItself) {
@@ -176,7 +176,7 @@ TEST_F(OwnEndorserTest, ATransactionOfAnIdThatWasUsedCountsForNobody) {
 TEST_F(OwnEndorserTest, AnotherCoreGoesOnWhereASnapshotWasTaken) {
   for (const char* id : {"tello1/a", "tello1/b", "tello1/a"}) net.submit(net.host, "set", note(id, "1"));
   follow();
-  Core other{{{}, identity, test_members()}};
+  EndorserCore other{{{}, identity, test_members()}};
   ASSERT_TRUE(other.restore(core.snapshot()).ok());
   EXPECT_EQ(other.height(), core.height());
   EXPECT_EQ(other.snapshot().size(), core.snapshot().size()) << "ids are in any order";
@@ -202,7 +202,7 @@ TEST_F(OwnEndorserTest, AStateAsItWasKeptBeforeIsReadAsOfTheWholeChain) {
   const std::string now = core.snapshot(), head = "ledgerline endorser ";
   const std::string before =
       head + "1" + now.substr(head.size() + 1, now.size() - head.size() - 1 - sizeof(std::uint64_t));
-  Core other{{{}, identity, test_members()}};
+  EndorserCore other{{{}, identity, test_members()}};
   ASSERT_TRUE(other.restore(before).ok());
   EXPECT_EQ(other.snapshot().size(), now.size());
   const auto proposal = net.propose(net.host, "get", "tello1/a");
@@ -215,11 +215,11 @@ TEST_F(OwnEndorserTest, ASnapshotThatIsNotWholeIsRefused) {
   follow();
   const std::string whole = core.snapshot();
   for (std::size_t size = 0; size < whole.size(); size += 1 + size / 64) {
-    Core other{{{}, identity, test_members()}};
+    EndorserCore other{{{}, identity, test_members()}};
     ASSERT_FALSE(other.restore(whole.substr(0, size)).ok()) << size;
     ASSERT_EQ(other.height(), 0U);
   }
-  Core longer{{{}, identity, test_members()}};
+  EndorserCore longer{{{}, identity, test_members()}};
   EXPECT_FALSE(longer.restore(whole + "x").ok());
   // Bytes that say anything: an error or a state, in the memory that they have.
   std::mt19937 random(3);
@@ -227,15 +227,15 @@ TEST_F(OwnEndorserTest, ASnapshotThatIsNotWholeIsRefused) {
     std::string bent = whole;
     for (int k = 0; k < 1 + static_cast<int>(random() % 4); ++k)
       bent[random() % bent.size()] = static_cast<char>(random());
-    Core other{{{}, identity, test_members()}};
+    EndorserCore other{{{}, identity, test_members()}};
     (void)other.restore(bent);
   }
 }
 
 TEST_F(OwnEndorserTest, WithoutAPeersIdentityItSignsNothing) {
-  Core client{{{}, crypto::make_test_identity({"Org1MSP", "CN=user"}), test_members()}};
-  Core outsider{{{}, crypto::make_test_identity({"Org9MSP", "CN=peer1"}), test_members()}};
-  for (Core* one : {&client, &outsider}) {
+  EndorserCore client{{{}, crypto::make_test_identity({"Org1MSP", "CN=user"}), test_members()}};
+  EndorserCore outsider{{{}, crypto::make_test_identity({"Org9MSP", "CN=peer1"}), test_members()}};
+  for (EndorserCore* one : {&client, &outsider}) {
     for (const std::string& raw : net.chain) ASSERT_TRUE(one->apply(*fabric::decode_block(raw), raw).ok());
     const Reply reply = one->process_proposal(net.propose(net.host, "set", note("tello1/a")).signed_proposal, net.now);
     EXPECT_EQ(reply.code, Code::unavailable);

@@ -1,4 +1,4 @@
-#include "chaincode/node/core/core.hpp"
+#include "chaincode/node/core/node_core.hpp"
 
 #include "peer/transaction.pb.h"
 

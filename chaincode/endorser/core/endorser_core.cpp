@@ -1,4 +1,4 @@
-#include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/endorser_core.hpp"
 
 #include <fmt/format.h>
 
@@ -29,7 +29,7 @@ node::Reply refer_to_peer(const std::string& why) { return {node::Code::unavaila
 
 }  // namespace
 
-Core::Core(Setup setup)
+EndorserCore::EndorserCore(Setup setup)
     : setup_(std::move(setup)),
       config_(config_of(setup_.where)),
       expires_s_(expiry_of(setup_.identity)),
@@ -39,7 +39,7 @@ Core::Core(Setup setup)
       }),
       endorser_(config_, node::MemberCheck(setup_.make_registry({}), config_.channel), {setup_.identity}, ledger_) {}
 
-std::optional<node::Definition> Core::read_definition() const {
+std::optional<node::Definition> EndorserCore::read_definition() const {
   const std::string fields = "namespaces/fields/" + config_.contract + "/";
   const node::State::Value* sequence = lifecycle_.find(fields + "Sequence");
   const node::State::Value* info = lifecycle_.find(fields + "EndorsementInfo");
@@ -51,15 +51,17 @@ std::optional<node::Definition> Core::read_definition() const {
   return node::Definition{endorsement.version(), sequence->version};
 }
 
-std::optional<node::Version> Core::defined_at() const { return definition_ ? definition_->sequence : std::nullopt; }
+std::optional<node::Version> EndorserCore::defined_at() const {
+  return definition_ ? definition_->sequence : std::nullopt;
+}
 
-Status Core::check_role(const crypto::SigningIdentity& identity) const {
+Status EndorserCore::check_role(const crypto::SigningIdentity& identity) const {
   const auto self = setup_.make_registry(organisations_)->member(identity.serialized, std::nullopt);
   if (!self) return self.error();
   return (*self)->peer ? Status(done) : Error{"its certificate has not OU=peer"};
 }
 
-Status Core::renew(crypto::SigningIdentity next) {
+Status EndorserCore::renew(crypto::SigningIdentity next) {
   if (!organisations_.empty()) {
     if (const Status role = check_role(next); !role)
       return Error{"no endorsement of it would count: " + role.error().message};
@@ -71,7 +73,7 @@ Status Core::renew(crypto::SigningIdentity next) {
   return done;
 }
 
-Status Core::configure(const common::Block& message) {
+Status EndorserCore::configure(const common::Block& message) {
   auto config = fabric::read_channel_config(message);
   if (!config) return config.error();
   if (!config->embedded_node) endorser_.answer_as_fabric([this] { return definition_; });
@@ -82,14 +84,16 @@ Status Core::configure(const common::Block& message) {
   return done;
 }
 
-std::string Core::snapshot() const { return to_bytes(ledger_.end(), config_block_, ledger_.state(), lifecycle_); }
+std::string EndorserCore::snapshot() const {
+  return to_bytes(ledger_.end(), config_block_, ledger_.state(), lifecycle_);
+}
 
-Status Core::restore(std::string_view bytes) {
+Status EndorserCore::restore(std::string_view bytes) {
   auto known = read_snapshot(bytes);
   return known ? restore(std::move(*known)) : known.error();
 }
 
-Status Core::restore(Snapshot known) {
+Status EndorserCore::restore(Snapshot known) {
   common::Block config;
   if (!config.ParseFromString(known.config_block)) return Error{"an endorser's state has no configuration"};
   if (Status configured = configure(config); !configured) return configured;
@@ -102,13 +106,13 @@ Status Core::restore(Snapshot known) {
 
 /// A transaction whose id another block has used is not valid, whichever source delivered the block. Without the ids of
 /// all blocks this cannot be detected.
-bool Core::is_valid(const fabric::Transaction& transaction, std::uint64_t block) const {
+bool EndorserCore::is_valid(const fabric::Transaction& transaction, std::uint64_t block) const {
   if (transaction.code != protos::VALID) return false;
   const auto known = ledger_.state().find_tx(transaction.tx_id);
   return !known || known->block == block;
 }
 
-void Core::write(const std::string& envelope, node::Version at) {
+void EndorserCore::write(const std::string& envelope, node::Version at) {
   const fabric::TransactionForm form = fabric::read_form(envelope);
   const fabric::ReadWriteSet sets = fabric::read_sets(form.action.results());
   ledger_.state().write(node::set_of(sets, config_.contract), at);
@@ -118,7 +122,7 @@ void Core::write(const std::string& envelope, node::Version at) {
   definition_ = read_definition();
 }
 
-Status Core::apply(const fabric::Block& block, std::string_view raw) {
+Status EndorserCore::apply(const fabric::Block& block, std::string_view raw) {
   const std::string name = fmt::format("block {}", block.number);
   if (block.number != ledger_.height()) return Error{fmt::format("{} came where {} was due", name, ledger_.height())};
   common::Block message;
@@ -147,7 +151,7 @@ Status Core::apply(const fabric::Block& block, std::string_view raw) {
   return done;
 }
 
-node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now now) {
+node::Reply EndorserCore::process_proposal(std::string_view signed_proposal, node::Now now) {
   if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
     return refer_to_peer("the endorser's own certificate has expired");
   if (!role_) return refer_to_peer("no endorsement of this endorser counts: " + role_.error().message);
