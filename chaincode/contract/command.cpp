@@ -3,9 +3,9 @@
 
 #include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
 
 /// command: plans of the lease's holder, or of who commands in its place.
 namespace ledgerline::chaincode {

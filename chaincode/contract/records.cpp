@@ -1,7 +1,7 @@
 #include "chaincode/contract/records.hpp"
 
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 
 namespace ledgerline::chaincode {
 

@@ -4,10 +4,10 @@
 #include <array>
 #include <functional>
 
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
 
 namespace ledgerline::access {
 namespace {

@@ -4,9 +4,9 @@
 #include <set>
 #include <string>
 
+#include "common/access/stops.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/msg/stops.hpp"
 
 namespace ledgerline::verification {
 namespace {

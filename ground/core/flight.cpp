@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/access/stops.hpp"
 #include "common/base/enum_count.hpp"
 #include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "common/msg/stops.hpp"
 #include "common/verification/calls.hpp"
 #include "ground/core/manual.hpp"
 

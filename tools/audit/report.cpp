@@ -6,13 +6,13 @@
 #include <cmath>
 
 #include "common/access/access.hpp"
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "common/base/text.hpp"
 #include "common/base/utc.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "common/msg/stops.hpp"
 #include "common/verification/calls.hpp"
 #include "peer/transaction.pb.h"
 

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "common/access/grants.hpp"
 #include "common/base/text.hpp"
-#include "common/msg/grants.hpp"
 
 namespace ledgerline::control {
 namespace {

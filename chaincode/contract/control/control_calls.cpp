@@ -3,8 +3,8 @@
 #include <set>
 #include <utility>
 
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 
 namespace ledgerline::chaincode {
 namespace {

@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "common/access/access.hpp"
-#include "common/msg/grants.hpp"
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "common/msg/names.hpp"
-#include "common/msg/stops.hpp"
 
 namespace ledgerline::ground {
 namespace {

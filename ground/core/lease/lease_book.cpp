@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "common/access/access.hpp"
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 
 namespace ledgerline::ground {
 

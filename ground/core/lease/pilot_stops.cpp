@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "common/access/access.hpp"
+#include "common/access/stops.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/stops.hpp"
 
 namespace ledgerline::ground {
 namespace {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <functional>
 
+#include "common/access/grants.hpp"
 #include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
 
 namespace ledgerline::ground {
 namespace {

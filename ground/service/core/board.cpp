@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "common/access/access.hpp"
+#include "common/access/stops.hpp"
 #include "common/base/text.hpp"
 #include "common/msg/names.hpp"
-#include "common/msg/stops.hpp"
 #include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {

@@ -1,7 +1,7 @@
 #include "ground/service/core/drone_queries.hpp"
 
 #include "common/access/access.hpp"
-#include "common/msg/stops.hpp"
+#include "common/access/stops.hpp"
 #include "ground/core/flight/phases.hpp"
 
 namespace ledgerline::ground::service {

@@ -5,9 +5,9 @@
 #include <algorithm>
 
 #include "common/access/access.hpp"
+#include "common/access/grants.hpp"
 #include "common/base/text.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 
 namespace ledgerline::ground::service {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/msg/grants.hpp"
+#include "common/access/grants.hpp"
 
 namespace ledgerline::ground::service {
 

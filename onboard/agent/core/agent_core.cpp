@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/msg/stops.hpp"
+#include "common/access/stops.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::agent {

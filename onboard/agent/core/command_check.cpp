@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/access/grants.hpp"
 #include "common/base/check.hpp"
-#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/verification/calls.hpp"
 #include "peer/transaction.pb.h"

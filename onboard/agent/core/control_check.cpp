@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/msg/stops.hpp"
 
 namespace ledgerline::agent {
 

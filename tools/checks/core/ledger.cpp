@@ -7,11 +7,11 @@
 #include <bit>
 #include <set>
 
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/channel_config.hpp"
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
 #include "tools/deployment/deployment.hpp"
 
 namespace ledgerline::checks {

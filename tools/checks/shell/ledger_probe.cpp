@@ -6,6 +6,7 @@
 #include <set>
 #include <thread>
 
+#include "common/access/grants.hpp"
 #include "common/base/file.hpp"
 #include "common/common.pb.h"
 #include "common/config/config.hpp"
@@ -13,7 +14,6 @@
 #include "common/fabric/config.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
 #include "common/verification/control_records.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"

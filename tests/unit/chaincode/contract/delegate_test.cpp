@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "chaincode/contract/contract_common.hpp"
-#include "common/msg/grants.hpp"
+#include "common/access/grants.hpp"
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
 /// Who commands under a lease in its holder's place, and does nothing else.

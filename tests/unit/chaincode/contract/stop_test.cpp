@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 
 #include "chaincode/contract/records.hpp"
-#include "common/msg/stops.hpp"
+#include "common/access/stops.hpp"
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
 /// Who stops and cuts which drone and clears whose stop, and what each of these calls reads and writes.

@@ -7,9 +7,9 @@
 #include <set>
 #include <sstream>
 
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
 #include "common/verification/control_events.hpp"
 
 namespace ledgerline::access {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "common/access/access.hpp"
-#include "common/msg/grants.hpp"
+#include "common/access/grants.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground {

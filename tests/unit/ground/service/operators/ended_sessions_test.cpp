@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "common/access/access.hpp"
-#include "common/msg/stops.hpp"
+#include "common/access/stops.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground::service {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/msg/stops.hpp"
+#include "common/access/stops.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
 
 namespace ledgerline::agent {

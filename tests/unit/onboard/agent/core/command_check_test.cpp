@@ -4,8 +4,8 @@
 
 #include <limits>
 
+#include "common/access/stops.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/msg/stops.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
 
 namespace ledgerline::agent {

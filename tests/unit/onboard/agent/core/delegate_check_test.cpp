@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
+#include "common/access/grants.hpp"
+#include "common/access/stops.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
 

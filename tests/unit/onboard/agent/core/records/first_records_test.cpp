@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include "common/msg/stops.hpp"
+#include "common/access/stops.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
 

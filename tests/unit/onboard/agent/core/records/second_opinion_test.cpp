@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "common/msg/stops.hpp"
+#include "common/access/stops.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"
 
 namespace ledgerline::agent {

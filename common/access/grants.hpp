@@ -4,8 +4,8 @@
 #include <functional>
 #include <string>
 
+#include "common/access/stops.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/stops.hpp"
 #include "ledgerline.pb.h"
 
 /// Leases, grants and requests of a control record: what the contract decides by, and what agent and ground check its
