@@ -10,7 +10,7 @@
 #include "common/base/text.hpp"
 #include "common/process/children.hpp"
 #include "ground/plugin/plugin.hpp"
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/sdk_flight.hpp"
 #include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {

@@ -8,7 +8,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/kinds/fault.hpp"
 #include "hil/fault/own_code.hpp"
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/run/metrics.hpp"
 #include "hil/fault/scenarios.hpp"
 #include "hil/fault/script.hpp"

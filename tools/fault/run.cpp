@@ -12,6 +12,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/run/run.hpp"
 #include "hil/fault/scenarios.hpp"

@@ -10,7 +10,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/kinds/fault.hpp"
 #include "hil/fault/own_code.hpp"
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/scenarios.hpp"
 #include "tools/fault/verbs.hpp"

@@ -23,6 +23,7 @@
 
 #include "common/process/usage.hpp"
 #include "common/program/command_socket.hpp"
+#include "hil/fault/real/real_script.hpp"
 #include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {

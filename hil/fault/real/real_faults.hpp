@@ -15,7 +15,7 @@
 #include "common/base/result.hpp"
 #include "common/process/children.hpp"
 #include "common/rt/trace.hpp"
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/kinds/fault.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/script.hpp"
 

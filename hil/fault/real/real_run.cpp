@@ -12,7 +12,9 @@
 #include "common/process/children.hpp"
 #include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real_faults.hpp"
+#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/real/replay.hpp"
+#include "hil/fault/real/sdk_flight.hpp"
 #include "hil/fault/script.hpp"
 #include "hil/sitl/world_setup.hpp"
 

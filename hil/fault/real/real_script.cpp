@@ -1,4 +1,4 @@
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/real_script.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -7,6 +7,7 @@
 
 #include "common/config/config.hpp"
 #include "hil/fault/own_code.hpp"
+#include "hil/fault/real/sdk_flight.hpp"
 #include "hil/netem/text_parse.hpp"
 #include "hil/sitl/world_setup.hpp"
 

@@ -1,4 +1,4 @@
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/sdk_flight.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

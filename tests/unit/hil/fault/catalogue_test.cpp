@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/real_script.hpp"
 
 namespace ledgerline::hil {
 namespace {

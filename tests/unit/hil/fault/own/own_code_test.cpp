@@ -1,5 +1,5 @@
 #include "hil/fault/own_code.hpp"
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/sdk_flight.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/real_script.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -10,6 +10,7 @@
 
 #include "common/base/file.hpp"
 #include "hil/fault/real/real_run.hpp"
+#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
