@@ -118,7 +118,7 @@ void run_loop(link::Transport& transport, const TransportsOptions& options, Shar
       link::ToSend message{static_cast<DroneNumber>(k), {}};
       std::array<char, 32> text{};
       const auto written = fmt::format_to_n(text.data(), text.size(), "rc {} 0 0 0", number);
-      message.command = link::command_text({text.data(), written.size});
+      message.command = link::CommandText(std::string_view(text.data(), written.size));
       const TimeNs said = monotonic_ns();
       shared.setpoints[number].store(said, std::memory_order_release);
       (void)transport.send(message);  // what is lost is counted at the drones' side

@@ -101,7 +101,7 @@ Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int publ
 int fail_to_start(const ShellSettings& settings, const Error& error, LinkEnds& ends, std::optional<int> starts) {
   if (!starts || *starts >= settings.link.session.many_starts || is_asked_to_end()) {
     for (const DroneSettings& drone : settings.link.drones)
-      (void)ends.drones->send({drone.number, command_text("land")});
+      (void)ends.drones->send({drone.number, CommandText("land")});
   }
   return fail(error);
 }

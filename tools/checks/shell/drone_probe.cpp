@@ -52,7 +52,7 @@ void listen_to(const link::Descriptor& socket, std::uint32_t drone, DroneInputs&
       if (link::parse_state(text, state))
         heard = true;
       else
-        inputs.unreadable = printable(link::quote(link::without_line_end(text)).view());
+        inputs.unreadable = printable(link::Quote(link::without_line_end(text)).view());
     });
   }
   if (!heard) inputs.state_hz = 0;

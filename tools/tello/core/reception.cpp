@@ -33,7 +33,7 @@ void Reception::on_state(TimeNs now, std::string_view bytes) {
   if (link::parse_state(bytes, state_))
     states_.add(now);
   else
-    unreadable_ = link::quote(link::without_line_end(bytes));
+    unreadable_ = link::Quote(link::without_line_end(bytes));
 }
 
 void Reception::on_pose(const ReceivedPose& pose) {

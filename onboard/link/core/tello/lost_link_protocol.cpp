@@ -79,9 +79,9 @@ LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_be_airborne) no
 bool LostLinkProtocol::next_send(TimeNs now, bool may_be_airborne, CommandText& out) noexcept {
   if (commands_.empty()) {
     const Due what = due(now, may_be_airborne);
-    if (what.handshake) commands_.push(command_text("command"));
+    if (what.handshake) commands_.push(CommandText("command"));
     if (what.zero) commands_.push(rc_text({}));
-    if (what.landing) commands_.push(command_text(command_ == Command::emergency ? "emergency" : "land"));
+    if (what.landing) commands_.push(CommandText(command_ == Command::emergency ? "emergency" : "land"));
   }
   if (commands_.empty()) return false;
   out = commands_[0];

@@ -55,7 +55,7 @@ void ReportedState::on_unreadable(TimeNs now, std::string_view bytes) noexcept {
   unreadable_in_a_row_ = std::min(unreadable_in_a_row_ + 1, unreadable_texts_needed);
   if (unreadable_in_a_row_ < unreadable_texts_needed) return;
   if (unreadable_text_.at_ns == 0 || now - unreadable_text_.at_ns >= quote_pause_ns)
-    unreadable_text_ = {now, quote(without_line_end(bytes))};
+    unreadable_text_ = {now, Quote(without_line_end(bytes))};
 }
 
 bool ReportedState::on_text(TimeNs now, std::string_view bytes, bool connected) noexcept {

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "onboard/link/core/tello/tello_text.hpp"
-
 namespace ledgerline::link {
 namespace {
 
@@ -12,13 +10,6 @@ constexpr TimeNs repeat_ns = 500 * ns_per_ms;
 // One may be the late answer to what link sent without state before; double delays such a drone's take-off.
 constexpr int refusals_needed = 3;
 constexpr std::size_t min_serial = 4;
-
-SerialText copy(std::string_view text) noexcept {
-  SerialText out;
-  out.size = static_cast<std::uint8_t>(std::min(text.size(), out.bytes.size()));
-  std::copy_n(text.begin(), out.size, out.bytes.begin());
-  return out;
-}
 
 }  // namespace
 
@@ -29,7 +20,7 @@ bool is_serial(std::string_view text) noexcept {
 }
 
 SerialCheck::SerialCheck(std::string_view wanted) noexcept
-    : wanted_(copy(wanted)), verdict_(wanted.empty() ? Verdict::unwanted : Verdict::open) {}
+    : wanted_(wanted), verdict_(wanted.empty() ? Verdict::unwanted : Verdict::open) {}
 
 void SerialCheck::begin() noexcept {
   if (verdict_ == Verdict::unwanted) return;
@@ -52,7 +43,7 @@ bool SerialCheck::on_answer(std::string_view bytes) noexcept {
     return true;
   }
   if (!is_serial(text)) return false;
-  answered_ = copy(text);
+  answered_ = SerialText(text);
   verdict_ = text == wanted_.view() ? Verdict::same : Verdict::other;
   return true;
 }

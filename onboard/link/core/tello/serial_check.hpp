@@ -1,18 +1,14 @@
 #pragma once
-#include <array>
 #include <cstdint>
 #include <string_view>
 
 #include "common/msg/onboard.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 
-/// A Tello's serial number as `sn?` reports it: a-z, A-Z and 0-9, such as 0TQDG00EDPMV39. No allocation.
-struct SerialText {
-  std::array<char, 24> bytes{};
-  std::uint8_t size = 0;
-  std::string_view view() const noexcept { return {bytes.data(), size}; }
-};
+/// A Tello's serial number as `sn?` reports it: a-z, A-Z and 0-9, such as 0TQDG00EDPMV39.
+using SerialText = FixedText<24>;
 
 /// True for what can be a serial: 4 to 24 a-z, A-Z and 0-9. So no `ok`, no figure of a battery, no refusal.
 bool is_serial(std::string_view text) noexcept;

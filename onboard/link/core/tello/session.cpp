@@ -76,7 +76,7 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
     case PendingCommand::Kind::takeoff:
       if (answer == Answer::refused) {
         takeoff_not_before_ns_ = now + settings_.refused_pause_ns;
-        takeoff_refusal_ = {now, quote(without_line_end(bytes))};
+        takeoff_refusal_ = {now, Quote(without_line_end(bytes))};
         end_command(now, reported_.is_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
       } else if (reported_.is_airborne(now) || !reported_.is_fresh(now)) {
         end_command(now, FlightPhase::flying);
@@ -198,11 +198,11 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
     lost_link_.drop_commands();
   }
   if (!pending_.is_pending() && is_on_ground(phase_) && serial_.request_if_due(now)) {
-    out = command_text("sn?");
+    out = CommandText("sn?");
     return true;
   }
   if (request_pads_if_due(now)) {
-    out = command_text("mon");
+    out = CommandText("mon");
     return true;
   }
   return pending_.next_send(now, out);
@@ -230,7 +230,7 @@ bool PendingCommand::next_send(TimeNs now, CommandText& out) noexcept {
   if (!is_pending() || !must_send_) return false;
   must_send_ = false;
   at_ns_ = now;
-  out = command_text(kind_ == Kind::takeoff ? "takeoff" : kind_ == Kind::land ? "land" : "emergency");
+  out = CommandText(kind_ == Kind::takeoff ? "takeoff" : kind_ == Kind::land ? "land" : "emergency");
   return true;
 }
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 
 namespace ledgerline::link {
 
@@ -126,22 +125,8 @@ Answer parse_answer(std::string_view bytes) noexcept {
   return Answer::unknown;
 }
 
-Quote quote(std::string_view text) noexcept {
-  Quote out;
-  out.size = static_cast<std::uint8_t>(std::min(text.size(), out.bytes.size()));
-  std::copy_n(text.begin(), out.size, out.bytes.begin());
-  return out;
-}
-
-CommandText command_text(std::string_view word) noexcept {
-  CommandText text;
-  text.size = static_cast<std::uint8_t>(std::min(word.size(), text.bytes.size()));
-  std::memcpy(text.bytes.data(), word.data(), text.size);
-  return text;
-}
-
 CommandText rc_text(const Rc& rc) noexcept {
-  CommandText text = command_text("rc");
+  CommandText text("rc");
   char* const begin = text.bytes.data();
   char* at = begin + text.size;
   // Max: "rc -100 -100 -100 -100", 22 bytes.

@@ -1,6 +1,8 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <numbers>
 #include <string_view>
@@ -71,21 +73,23 @@ enum class Answer : std::uint8_t { ok, refused, unknown };
 /// anything else is unknown, and does not count as an answer.
 Answer parse_answer(std::string_view bytes) noexcept;
 
-/// The first bytes of what a drone said, for people; any bytes, so that who shows it makes it printable.
-struct Quote {
-  std::array<char, 120> bytes{};
-  std::uint8_t size = 0;
+/// The first `capacity` bytes of a text, in place.
+template <std::size_t capacity>
+struct FixedText {
+  FixedText() noexcept = default;
+  explicit FixedText(std::string_view text) noexcept
+      : size(static_cast<std::uint8_t>(std::min(text.size(), capacity))) {
+    std::copy_n(text.begin(), size, bytes.begin());
+  }
   std::string_view view() const noexcept { return {bytes.data(), size}; }
-};
-Quote quote(std::string_view text) noexcept;
 
-/// A command as it goes to the drone.
-struct CommandText {
-  std::array<char, 32> bytes{};
+  std::array<char, capacity> bytes{};
   std::uint8_t size = 0;
-  std::string_view view() const noexcept { return {bytes.data(), size}; }
 };
-CommandText command_text(std::string_view word) noexcept;
+/// Of what a drone said, for people; any bytes, so that who shows it makes it printable.
+using Quote = FixedText<120>;
+/// A command as it goes to the drone.
+using CommandText = FixedText<32>;
 
 /// rc a b c d: right, forward, up, clockwise; -100..100 each.
 using Rc = std::array<int, 4>;

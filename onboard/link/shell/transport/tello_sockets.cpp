@@ -66,7 +66,7 @@ Result<TelloSockets> TelloSockets::create(const ShellSettings& settings) {
 
 void TelloSockets::send_first_zero() noexcept {
   for (const Drone& drone : drones_) {
-    for (const CommandText& text : {command_text("command"), rc_text({})}) (void)send({drone.number, text});
+    for (const CommandText& text : {CommandText("command"), rc_text({})}) (void)send({drone.number, text});
   }
 }
 

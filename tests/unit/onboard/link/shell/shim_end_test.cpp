@@ -50,7 +50,7 @@ TEST_F(ShimEnd, CarriesTheBytesAsTheyAreAndTrustsNoDroneThatItDoesNotKnow) {
   EXPECT_TRUE(transport.receive().empty());
 
   Datagram reported;
-  const ToSend land{2, command_text("land")};
+  const ToSend land{2, CommandText("land")};
   ASSERT_TRUE(transport.send(land));
   ASSERT_TRUE(drones->receive(reported));
   EXPECT_EQ(reported.drone, 2);
@@ -65,7 +65,7 @@ TEST_F(ShimEnd, TakesABoundedNumberATurnAndSaysWhenThereIsNoRoom) {
   ASSERT_EQ(rest.size(), 36U);
   EXPECT_EQ(rest[35].bytes, "99");
 
-  const ToSend land{1, command_text("land")};
+  const ToSend land{1, CommandText("land")};
   for (std::size_t i = 0; i < drone_shim::Memory::datagrams; ++i) ASSERT_TRUE(transport.send(land));
   EXPECT_FALSE(transport.send(land));
 }

@@ -66,7 +66,7 @@ class Sockets : public ::testing::Test {
   }
   /// Sends a command, and says where it came from.
   sockaddr_in command(DroneNumber number, const Speaker& drone, const std::string& word = "command") {
-    EXPECT_TRUE(sockets->send({number, command_text(word)}));
+    EXPECT_TRUE(sockets->send({number, CommandText(word)}));
     sockaddr_in from{};
     EXPECT_EQ(drone.hear(from), word);
     return from;
@@ -92,7 +92,7 @@ TEST_F(Sockets, EachDroneIsSpokenToFromASocketOfItsOwnAndIsHeardByIt) {
   tello1.say(first, "ok");
   tello2.say(second, "error");
   EXPECT_EQ(received(), (Texts{"3 answers ok", "4 answers error"}));
-  EXPECT_FALSE(sockets->send({9, command_text("command")}));
+  EXPECT_FALSE(sockets->send({9, CommandText("command")}));
 }
 
 TEST_F(Sockets, TheFirstZeroReachesEachDroneAndAlsoThoseBesideOneWhoseInterfaceIsGone) {
@@ -213,7 +213,7 @@ TEST_F(Sockets, ADroneThatWasNotThereIsReachedByTheFirstCommandOnceItIs) {
   settings.addresses[0] = at("127.0.0.9", settings.state_port);
   sockets = nullptr;
   sockets = std::make_unique<TelloSockets>(std::move(*TelloSockets::create(settings)));
-  EXPECT_TRUE(sockets->send({3, command_text("command")}));  // nobody is there, as ICMP tells now
+  EXPECT_TRUE(sockets->send({3, CommandText("command")}));  // nobody is there, as ICMP tells now
   const Speaker late("127.0.0.9", settings.state_port);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   command(3, late);
