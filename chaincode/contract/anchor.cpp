@@ -129,10 +129,8 @@ Answer verify(Stub& stub, const Arguments& call) {
   const auto asked = read_anchor(call, contract::verify);
   if (!asked) return asked.error();
   const auto signers = static_cast<std::size_t>(asked->signers_size());
-  if (signers > contract::max_page_anchors) {
-    return Error{"verify: it asks for " + std::to_string(signers) + " signers; the limit is " +
-                 std::to_string(contract::max_page_anchors)};
-  }
+  if (Status status = check_limit("verify: it asks for", signers, "signers", contract::max_page_anchors); !status)
+    return status.error();
   if (signers > 0 && (!asked->organisation().empty() || !asked->bookmark().empty()))
     return Error{"verify: signers are answered all at once; leave organisation and bookmark out"};
   if (!asked->organisation().empty()) {

@@ -13,10 +13,8 @@ namespace {
 
 Status check_setpoints(const DronePlan& plan) {
   const auto count = static_cast<std::size_t>(plan.setpoints_size());
-  if (count > contract::max_plan_setpoints) {
-    return Error{"the plan has " + std::to_string(count) + " setpoints; the limit is " +
-                 std::to_string(contract::max_plan_setpoints)};
-  }
+  if (Status status = check_limit("the plan has", count, "setpoints", contract::max_plan_setpoints); !status)
+    return status;
   if (count == 0) {
     if (plan.action() == FLY) return Error{"the plan has no setpoints"};
     return done;
@@ -86,10 +84,7 @@ Answer command(Stub& stub, const Arguments& call) {
   CommandCall commands;
   if (Status status = parse_message(call.message, commands); !status) return status.error();
   if (commands.plans().empty()) return Error{"command: no plans"};
-  if (static_cast<std::size_t>(commands.plans_size()) > contract::max_call_assets) {
-    return Error{"the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
-                 std::to_string(contract::max_call_assets)};
-  }
+  if (Status status = check_call_size(commands.plans_size(), "plans"); !status) return status.error();
   const std::string& organisation = commands.organisation();
   if (organisation.empty() || !check_id(organisation) || first_segment(organisation) != organisation) {
     return Error{"command: organisation must be the MSP id of the one whose drones these are"};

@@ -13,13 +13,17 @@ std::string Arguments::option(std::string_view key, std::string otherwise) const
   return otherwise;
 }
 
+Status check_limit(std::string_view what, std::size_t count, std::string_view unit, std::size_t limit) {
+  if (count <= limit) return done;
+  return Error{std::string(what) + " " + std::to_string(count) + " " + std::string(unit) + "; the limit is " +
+               std::to_string(limit)};
+}
+
 Result<Arguments> read_arguments(const std::vector<std::string>& args) {
   std::size_t bytes = 0;
   for (const std::string& arg : args) bytes += arg.size();
-  if (bytes > contract::max_call_bytes) {
-    return Error{"the call has " + std::to_string(bytes) + " bytes; the limit is " +
-                 std::to_string(contract::max_call_bytes)};
-  }
+  if (Status status = check_limit("the call has", bytes, "bytes", contract::max_call_bytes); !status)
+    return status.error();
   Arguments call;
   if (std::all_of(args.begin(), args.end(), is_plain)) {
     for (const std::string& arg : args) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -26,6 +27,12 @@ struct Arguments {
   /// An option's value, or `otherwise`.
   std::string option(std::string_view key, std::string otherwise) const;
 };
+/// The error: "the plan has 41 setpoints; the limit is 40"; `what` is "the plan has".
+Status check_limit(std::string_view what, std::size_t count, std::string_view unit, std::size_t limit);
+/// Of the list in a call.
+inline Status check_call_size(int count, std::string_view unit) {
+  return check_limit("the call has", static_cast<std::size_t>(count), unit, contract::max_call_assets);
+}
 Result<Arguments> read_arguments(const std::vector<std::string>& args);
 
 /// `message` in the form of the call.

@@ -102,10 +102,7 @@ Status write_frame(Stub& stub, const SetCall& set, Records<Host>& hosts) {
     bytes += asset->ByteSizeLong();
     batch.push_back(*asset);
   }
-  if (bytes > contract::max_batch_bytes) {
-    return Error{"the batch has " + std::to_string(bytes) + " bytes; the limit is " +
-                 std::to_string(contract::max_batch_bytes)};
-  }
+  if (Status status = check_limit("the batch has", bytes, "bytes", contract::max_batch_bytes); !status) return status;
   if (Status status = hosts.write(); !status) return status;
   return write_stored(stub, frame_key(stub.caller()), std::move(batch));
 }
@@ -116,10 +113,7 @@ Answer set_assets(Stub& stub, const Arguments& call) {
   auto set = read_set(call);
   if (!set) return set.error();
   if (set->assets().empty()) return Error{"set: no assets"};
-  if (static_cast<std::size_t>(set->assets_size()) > contract::max_call_assets) {
-    return Error{"the call has " + std::to_string(set->assets_size()) + " assets; the limit is " +
-                 std::to_string(contract::max_call_assets)};
-  }
+  if (Status status = check_call_size(set->assets_size(), "assets"); !status) return status.error();
   Records<Host> hosts(stub);
   for (Asset& asset : *set->mutable_assets()) {
     if (Status status = check_asset(asset); !status) return status.error();

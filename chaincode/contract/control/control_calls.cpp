@@ -129,9 +129,8 @@ access::Caller caller_of(const Stub& stub) { return {stub.caller(), stub.caller_
 
 Status check_length(const std::string& field, const Identity& who) {
   for (const std::string& part : {who.msp_id(), who.subject()}) {
-    if (part.size() <= contract::max_subject_chars) continue;
-    return Error{field + " has " + std::to_string(part.size()) + " characters; the limit is " +
-                 std::to_string(contract::max_subject_chars)};
+    if (Status status = check_limit(field + " has", part.size(), "characters", contract::max_subject_chars); !status)
+      return status;
   }
   return done;
 }

@@ -29,10 +29,7 @@ Result<Message> read_drones(const Arguments& call) {
     return status.error();
   }
   if (message.drones().empty()) return Error{"no drone is named"};
-  if (static_cast<std::size_t>(message.drones_size()) > contract::max_call_assets) {
-    return Error{"the call has " + std::to_string(message.drones_size()) + " drones; the limit is " +
-                 std::to_string(contract::max_call_assets)};
-  }
+  if (Status status = check_call_size(message.drones_size(), "drones"); !status) return status.error();
   return message;
 }
 

@@ -50,11 +50,7 @@ Status check_enrolment(Stub& stub, const EnrollCall& call) {
   if (call.drones().empty() && call.role() == ROLE_NONE) return Error{"enroll: name drones or a role"};
   if (call.role() == REVOKED) return Error{"enroll: REVOKED is no role; call revoke"};
   if (!Role_IsValid(call.role())) return Error{"enroll: unknown role " + std::to_string(call.role())};
-  if (static_cast<std::size_t>(call.drones_size()) > contract::max_call_assets) {
-    return Error{"the call has " + std::to_string(call.drones_size()) + " drones; the limit is " +
-                 std::to_string(contract::max_call_assets)};
-  }
-  return done;
+  return check_call_size(call.drones_size(), "drones");
 }
 
 }  // namespace
