@@ -270,7 +270,7 @@ void MissionService::step(TimeNs now) {
     for (const std::string& id : out.awaiting_check)
       check(book_.rest(id), [this, id](const Checked& checked) { book_.resume_after_check(id, checked, parts_.core); });
   }
-  if (book_.changed()) parts_.publish(book_.list());
+  if (book_.pop_changed()) parts_.publish(book_.list());
 }
 
 void MissionService::save(const std::string& id) {

@@ -56,15 +56,15 @@ void EmulatedLink::push_datagram(TimeNs now, std::string bytes, std::uint64_t ta
   ++counts_.pushed;
   counts_.bytes_in += bytes.size();
   const LinkRecording::Delivery recorded = recorded_delivery(now);
-  if (impairment_.partition || is_lost() || recorded.lost) {
+  if (impairment_.partition || draw_loss() || recorded.lost) {
     ++counts_.lost;
     return;
   }
-  if (!bytes.empty() && share(truncate, impairment_.truncate)) {
+  if (!bytes.empty() && draw(truncate, impairment_.truncate)) {
     bytes.resize(random_[truncate].next() % bytes.size());
     ++counts_.truncated;
   }
-  if (!bytes.empty() && share(corrupt, impairment_.corrupt)) {
+  if (!bytes.empty() && draw(corrupt, impairment_.corrupt)) {
     const std::uint64_t bit = random_[corrupt].next() % (8 * bytes.size());
     bytes[bit / 8] = static_cast<char>(bytes[bit / 8] ^ (1 << (bit % 8)));
     ++counts_.corrupted;
@@ -79,11 +79,11 @@ void EmulatedLink::push_datagram(TimeNs now, std::string bytes, std::uint64_t ta
   due += recorded.delay_ns;
   due = in_order_ = std::max(due, in_order_);
   if (impairment_.jitter) due += draws_[jitter].next(*impairment_.jitter);
-  if (impairment_.reorder && share(reorder, impairment_.reorder->share)) {
+  if (impairment_.reorder && draw(reorder, impairment_.reorder->share)) {
     due += draws_[reorder].next(impairment_.reorder->by);
     ++counts_.reordered;
   }
-  if (impairment_.duplicate && share(duplicate, impairment_.duplicate->share)) {
+  if (impairment_.duplicate && draw(duplicate, impairment_.duplicate->share)) {
     ++counts_.duplicated;
     add_unit(due, {bytes, tag});
     due += draws_[duplicate].next(impairment_.duplicate->after);
@@ -133,7 +133,7 @@ std::optional<TimeNs> EmulatedLink::next_due() const {
   return units_.begin()->first.first;
 }
 
-bool EmulatedLink::is_lost() {
+bool EmulatedLink::draw_loss() {
   if (!impairment_.loss) return false;
   const auto& model = *impairment_.loss;
   Random& random = random_[loss];
@@ -141,7 +141,7 @@ bool EmulatedLink::is_lost() {
   return random.uniform() < (bad_ ? model.bad : model.good);
 }
 
-bool EmulatedLink::share(Effect effect, double of) { return of > 0 && random_[effect].uniform() < of; }
+bool EmulatedLink::draw(Effect effect, double of) { return of > 0 && random_[effect].uniform() < of; }
 
 double EmulatedLink::rate_backlog_bytes(TimeNs now) const {
   return to_seconds(std::max<TimeNs>(0, rate_free_at_ - now)) * impairment_.rate->bytes_per_s;

@@ -71,8 +71,8 @@ class EmulatedLink {
 
  private:
   enum Effect { delay, jitter, loss, duplicate, reorder, corrupt, truncate, effects };
-  bool is_lost();
-  bool share(Effect effect, double of);
+  bool draw_loss();
+  bool draw(Effect effect, double of);
   void begin_recording(TimeNs now);
   /// What the recorded link does to what is pushed now; nothing without one.
   LinkRecording::Delivery recorded_delivery(TimeNs now) const;

@@ -155,13 +155,13 @@ void Downlink::carry(TimeNs real_now, const fabric::Transaction& tx, const SetVi
       refuse(topic, Refusal::wrong_writer);
     } else if (const auto why = unpublishable(index, asset)) {
       refuse(topic, *why);
-    } else if (in_order(slot, topic, asset, signer.hash, set.stream)) {
+    } else if (accept_in_order(slot, topic, asset, signer.hash, set.stream)) {
       deliver(real_now, index, asset, out);
     }
   }
 }
 
-bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream) {
+bool Downlink::accept_in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream) {
   auto writer = std::ranges::find_if(
       slot.writers, [&](const Writer& w) { return w.origin == asset.origin.writer && w.signer == signer; });
   const bool first = writer == slot.writers.end();

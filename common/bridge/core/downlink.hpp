@@ -140,7 +140,7 @@ class Downlink {
   std::optional<Refusal> unpublishable(std::size_t topic, const AssetView& asset) const;
   void identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
   static bool may_write(const Signer& signer, std::string_view id);
-  bool in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream);
+  bool accept_in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream);
   void deliver(TimeNs real_now, std::size_t topic, const AssetView& asset, std::vector<Delivery>& out);
   void refuse(Topic& topic, Refusal why);
 

@@ -235,7 +235,7 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
 }
 
 // The contract bounds the sum of the newest values, in which topics stand beside ids.
-bool Uplink::fits_batch(const Message& message) {
+bool Uplink::fits_batch(const Message& message) const {
   std::size_t bytes = size_of(message) + topics_[message.topic].id.size();
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     if (i != message.topic && slots_[i].has_newest) bytes += size_of(slots_[i].newest) + topics_[i].id.size();

@@ -157,7 +157,7 @@ class Uplink {
   bool assign_lane(std::size_t topic, Kind kind, TimeNs now);
   std::optional<std::size_t> first_topic(Kind kind, TimeNs now);
   std::optional<Submit> make_call(Kind kind, TimeNs now);
-  bool fits_batch(const Message& message);
+  bool fits_batch(const Message& message) const;
   void repeat_others(std::string& call, std::uint64_t number);
   void append(std::string& call, const Message& message) const;
   void on_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome);

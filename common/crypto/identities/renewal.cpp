@@ -30,7 +30,7 @@ std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std
 std::optional<Result<Renewal::Pair>> Renewal::check_files(const std::vector<std::string>& files, std::int64_t now_s,
                                                           const Load& load) {
   const bool is_due = pop_recheck(now_s);
-  if (!changed(files) && !is_due) return std::nullopt;
+  if (!pop_changed(files) && !is_due) return std::nullopt;
   auto found = load();
   const std::string before = in_use_pem_;
   if (Status fits = check(found, now_s); !fits) return fits.error();
@@ -38,7 +38,7 @@ std::optional<Result<Renewal::Pair>> Renewal::check_files(const std::vector<std:
   return found;
 }
 
-bool Renewal::changed(const std::vector<std::string>& files) {
+bool Renewal::pop_changed(const std::vector<std::string>& files) {
   auto now = stamps(files);
   const bool still = now == seen_;
   seen_ = std::move(now);
@@ -96,7 +96,7 @@ bool Renewal::pop_recheck(std::int64_t now_s) {
   return true;
 }
 
-std::optional<Renewal::Notice> Renewal::end_notice(std::int64_t now_s) {
+std::optional<Renewal::Notice> Renewal::pop_end_notice(std::int64_t now_s) {
   const Ends end = ends(not_after_s_, now_s);
   if (end == Ends::later) return std::nullopt;
   const std::int64_t left = days_left(now_s);

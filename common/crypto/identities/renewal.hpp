@@ -73,7 +73,7 @@ class Renewal {
     std::string words;
   };
   /// What is to be reported of the end now: once a day from a month before, as an alarm from three days before.
-  std::optional<Notice> end_notice(std::int64_t now_s);
+  std::optional<Notice> pop_end_notice(std::int64_t now_s);
 
   /// True, once: what was refused as not valid yet is valid now, and is to be checked again though no file has changed.
   bool pop_recheck(std::int64_t now_s);
@@ -90,7 +90,8 @@ class Renewal {
     bool operator==(const Stamp&) const = default;
   };
   static std::vector<Stamp> stamps(const std::vector<std::string>& files);
-  bool changed(const std::vector<std::string>& files);
+  /// True, once: the files have changed, and not since the last look.
+  bool pop_changed(const std::vector<std::string>& files);
 
   std::string whose_, subject_;
   std::int64_t not_after_s_;

@@ -163,7 +163,7 @@ void CertificateWatch::poll_pair(Pair& pair, std::int64_t now_s) {
 }
 
 void CertificateWatch::report_end(Renewal& renewal, std::int64_t now_s) {
-  if (const auto word = renewal.end_notice(now_s))
+  if (const auto word = renewal.pop_end_notice(now_s))
     report_(word->weight == Renewal::Weight::alarm ? Weight::alarm : Weight::warning, word->words);
 }
 

@@ -75,7 +75,7 @@ void CertificateEnds::add(const fabric::Block& block) {
 std::vector<crypto::Renewal::Notice> CertificateEnds::pop_due(std::int64_t now_s) {
   std::vector<crypto::Renewal::Notice> words;
   for (auto& [name, writer] : writers_) {
-    if (auto word = writer.renewal.end_notice(now_s)) words.push_back(std::move(*word));
+    if (auto word = writer.renewal.pop_end_notice(now_s)) words.push_back(std::move(*word));
   }
   return words;
 }

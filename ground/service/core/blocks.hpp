@@ -59,7 +59,7 @@ class CertificateEnds {
   static constexpr std::size_t max_writers = 256;  ///< beyond it new ones are not looked at
 
   void add(const fabric::Block& block);
-  /// What is to be reported now, each once (crypto::Renewal::end_notice).
+  /// What is to be reported now, each once (crypto::Renewal::pop_end_notice).
   std::vector<crypto::Renewal::Notice> pop_due(std::int64_t now_s);
 
  private:

@@ -89,8 +89,8 @@ class MissionBook {
   std::string saved(const std::string& id) const;
   /// What became of it, for the ledger's eyes: a JSON text whose hash is anchored. `realtime_s`: now.
   std::string record(const std::string& id, std::int64_t realtime_s) const;
-  /// Whether it has changed since it was asked last.
-  bool changed() { return std::exchange(changed_, false); }
+  /// Whether it has changed since this was asked last.
+  bool pop_changed() { return std::exchange(changed_, false); }
 
  private:
   struct Entry {
@@ -104,7 +104,7 @@ class MissionBook {
     mission::RunPhase phase = mission::RunPhase::checked;
   };
   Entry* find(const std::string& id);
-  /// Applies a request to one mission; on success the next step() reports it, and changed() has it listed again.
+  /// Applies a request to one mission; on success the next step() reports it, and pop_changed() has it listed again.
   template <typename Say>
   Status apply_request(const std::string& id, const Say& say);
   const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }

@@ -158,7 +158,7 @@ void SdkFaults::command(TimeNs now, std::size_t drone, std::string_view bytes) {
     add_unit(now, drone, false, *std::exchange(d.held, std::nullopt));
 }
 
-bool SdkFaults::strikes(Live& live) {
+bool SdkFaults::draw_strike(Live& live) {
   if (live.fault.share < 1 && live.random.uniform() >= live.fault.share) return false;
   ++counts_.struck[static_cast<std::size_t>(live.fault.kind)];
   return true;
@@ -178,7 +178,7 @@ void SdkFaults::answer(TimeNs now, std::size_t drone, std::string_view bytes) {
     const SdkFault& fault = live.fault;
     if (of_states(fault.kind) || (!fault.command.empty() && (!call || call->word != fault.command))) continue;
     if (fault.kind == Kind::other && before.empty()) continue;
-    if (!strikes(live)) continue;
+    if (!draw_strike(live)) continue;
     if (fault.kind == Kind::late) due += fault.time_ns;
     if (fault.kind == Kind::wrong) said = opposite_of(said);
     if (fault.kind == Kind::garbage) said = garbage(live.random);
@@ -212,13 +212,13 @@ void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
   if (reported.size() > max_bytes) return add_unit(now, drone, true, reported);
   std::string said = reported;
   for (Live& live : d.faults) {  // which text
-    if (live.fault.kind == Kind::stale && !d.texts.empty() && strikes(live))
+    if (live.fault.kind == Kind::stale && !d.texts.empty() && draw_strike(live))
       said = d.texts[live.random.next() % d.texts.size()];
     if (live.fault.kind != Kind::other_drone) continue;
-    if (const std::string* text = text_of_another(drone, live.random); text && strikes(live)) said = *text;
+    if (const std::string* text = text_of_another(drone, live.random); text && draw_strike(live)) said = *text;
   }
   for (Live& live : d.faults) {
-    if (live.fault.kind == Kind::torn && strikes(live))
+    if (live.fault.kind == Kind::torn && draw_strike(live))
       said = torn(said, d.texts.empty() ? nullptr : &d.texts.back(), live.random);
   }
   d.texts.push_back(reported);

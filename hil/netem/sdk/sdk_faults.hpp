@@ -116,8 +116,8 @@ class SdkFaults {
     std::deque<std::string> texts;    ///< state texts as the drone said them, oldest first
     std::size_t waiting = 0;
   };
-  /// Whether this fault acts now; draws.
-  bool strikes(Live& live);
+  /// Whether this fault acts now; counts it.
+  bool draw_strike(Live& live);
   const std::string* text_of_another(std::size_t drone, Random& random) const;
   void add_unit(TimeNs due, std::size_t drone, bool is_state, std::string bytes);
 

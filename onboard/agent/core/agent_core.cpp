@@ -273,8 +273,7 @@ bool AgentCore::end_eviction(TimeNs now, std::uint64_t number, const fabric::Out
 
 // A heartbeat without a pose says that the pose is lost. An agent that was started again in mid-flight has not lost it,
 // only not yet heard it.
-bool AgentCore::may_send_heartbeat(TimeNs now) {
-  if (!first_step_ns_) first_step_ns_ = now;
+bool AgentCore::may_send_heartbeat(TimeNs now) const {
   return now - *first_step_ns_ >= settings_.first_heartbeat_wait_ns ||
          std::all_of(drones_.begin(), drones_.end(), [](const Drone& d) { return d.has_pose; });
 }
@@ -283,6 +282,7 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   const CheckScope scope(checks_);
   LEDGERLINE_CHECK(now >= stepped_ns_, "time does not go back", now, stepped_ns_);
   stepped_ns_ = now;
+  if (!first_step_ns_) first_step_ns_ = now;
   hand_over_plans(now, out);
   while (const auto sending = stop_applier_.next(now))
     submit(now, Sender::stop_applier, sending->number, encode_apply_stops(*sending), out);

@@ -176,7 +176,7 @@ class AgentCore {
   void add_violations(TimeNs now, const fabric::Block& block, const CheckedBlock& checked);
   std::uint64_t newest_block() const { return height() == 0 ? 0 : height() - 1; }
   bool end_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
-  bool may_send_heartbeat(TimeNs now);
+  bool may_send_heartbeat(TimeNs now) const;
 
   AgentCoreSettings settings_;
   Batcher batcher_;

@@ -30,7 +30,7 @@ void Fusion::start(const MocapPose& measured) {
 }
 
 // Whether the same place has come for too long.
-bool Fusion::frozen(const MocapPose& measured) {
+bool Fusion::check_frozen(const MocapPose& measured) {
   const bool same = repeated_ && repeated_->position_m == measured.position_m && repeated_->yaw_rad == measured.yaw_rad;
   if (!same) repeated_ = measured;
   return measured.stamp_ns - repeated_->stamp_ns >= settings_.frozen_after_ns;
@@ -45,7 +45,7 @@ std::optional<Pose> Fusion::add(const MocapPose& measured, bool in_flight) {
     ++counters_.not_newer;
     return std::nullopt;
   }
-  if (frozen(measured) && in_flight) {
+  if (check_frozen(measured) && in_flight) {
     ++counters_.frozen;
     return std::nullopt;
   }

@@ -50,7 +50,7 @@ class Fusion {
 
  private:
   void start(const MocapPose& measured);
-  bool frozen(const MocapPose& measured);
+  bool check_frozen(const MocapPose& measured);
 
   FusionSettings settings_;
   Counters counters_;

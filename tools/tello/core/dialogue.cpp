@@ -60,7 +60,7 @@ void Dialogue::next() {
   tries_ = 0;
 }
 
-std::string Dialogue::due(TimeNs now) {
+std::string Dialogue::pop_due(TimeNs now) {
   if (over() || (tries_ > 0 && now - asked_ns_ < timeout_.answer_ns)) return "";
   if (tries_ >= timeout_.tries) {
     if (current_ == 0) {
@@ -115,7 +115,7 @@ bool Landing::aloft(TimeNs now) const {
   return seen_ && now - state_ns_ < fresh_for_ns && (state_.height_m >= airborne_m || state_.tof_m > grounded_m);
 }
 
-std::vector<std::string> Landing::due(TimeNs now) {
+std::vector<std::string> Landing::pop_due(TimeNs now) {
   // An ok counts when it comes, but not against the sight.
   if (oks_ > commands_ && started_ && !aloft(now)) down_ = true;
   if (down_ || (started_ && now - said_ns_ < repeat_ns)) return {};

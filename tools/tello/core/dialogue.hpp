@@ -31,7 +31,7 @@ class Dialogue {
   explicit Dialogue(const std::vector<std::string>& questions, Timeouts timeout = {});
 
   /// What is to be sent now; empty: nothing.
-  std::string due(TimeNs now);
+  std::string pop_due(TimeNs now);
   void on_answer(std::string_view bytes);
 
   bool over() const { return current_ >= questions_.size(); }
@@ -84,7 +84,7 @@ Status check_wifi(const std::string& ssid, const std::string& password);
 class Landing {
  public:
   /// What is to be sent now, in this order.
-  std::vector<std::string> due(TimeNs now);
+  std::vector<std::string> pop_due(TimeNs now);
   void on_answer(std::string_view bytes);
   void on_state(TimeNs now, std::string_view bytes);
 

@@ -69,7 +69,7 @@ Result<Record> fly_calibration(const CalibrationOptions& options) {
   while (!flight.over()) {
     const TimeNs now = monotonic_ns();
     if (stop_requested) flight.end("it was asked to end");
-    for (const std::string& text : flight.due(now)) (void)send_text(*socket, options.address, text);
+    for (const std::string& text : flight.pop_due(now)) (void)send_text(*socket, options.address, text);
     if (flight.doing() != doing) spdlog::info("{}", doing = flight.doing());
     wait({socket->get(), states->get()});
     read_all(socket->get(), [&](std::uint32_t from, std::string_view bytes) {

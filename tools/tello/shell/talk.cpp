@@ -24,7 +24,7 @@ Status query(std::vector<Found>& drones, const std::string& interface) {
     // One datagram a turn, for the drone that is due next.
     for (std::size_t i = 0; i < drones.size(); ++i) {
       Found& drone = drones[next++ % drones.size()];
-      const std::string text = drone.dialogue.due(monotonic_ns());
+      const std::string text = drone.dialogue.pop_due(monotonic_ns());
       if (text.empty()) continue;
       (void)send_text(*socket, drone.address, text);
       break;
@@ -50,7 +50,7 @@ Result<bool> land(std::uint32_t address, const std::string& interface, double se
   Landing landing;
   bool sent = true;
   for (const TimeNs end = monotonic_ns() + from_seconds(seconds); monotonic_ns() < end && !stop_requested;) {
-    for (const std::string& text : landing.due(monotonic_ns())) sent = send_text(*socket, address, text);
+    for (const std::string& text : landing.pop_due(monotonic_ns())) sent = send_text(*socket, address, text);
     if (landing.down()) return true;
     wait({socket->get(), states->get()});
     read_all(socket->get(), [&](std::uint32_t from, std::string_view bytes) {

@@ -47,7 +47,7 @@ bool LostLinkProtocol::has_sent_for(TimeNs now, TimeNs duration) const noexcept 
   return stage_ == Stage::silent || (stage_ == Stage::lands && now - stage_since_ns_ >= duration);
 }
 
-LostLinkProtocol::Due LostLinkProtocol::due_seeking(TimeNs now, bool may_be_airborne) noexcept {
+LostLinkProtocol::Due LostLinkProtocol::advance_seeking(TimeNs now, bool may_be_airborne) noexcept {
   Due due;
   const bool first = sent_ns_ == 0;
   if (first || (now - sent_ns_ >= timeout_ns_ && !(may_be_airborne && handshakes_ >= settings_.handshakes))) {
@@ -62,14 +62,14 @@ LostLinkProtocol::Due LostLinkProtocol::due_seeking(TimeNs now, bool may_be_airb
   return due;
 }
 
-LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_be_airborne) noexcept {
+LostLinkProtocol::Due LostLinkProtocol::advance(TimeNs now, bool may_be_airborne) noexcept {
   if (stage_ != Stage::seeks && !may_be_airborne) seek();  // seen on the ground, though no answer comes
   if (stage_ == Stage::lands && now - stage_since_ns_ >= settings_.blind_land_for_ns) enter(now, Stage::silent);
   if (stage_ == Stage::silent && now - stage_since_ns_ >= settings_.silence_ns) {
     begin_round();
     enter(now, Stage::lands);
   }
-  if (stage_ == Stage::seeks) return due_seeking(now, may_be_airborne);
+  if (stage_ == Stage::seeks) return advance_seeking(now, may_be_airborne);
   if (stage_ == Stage::silent || (sent_ns_ != 0 && now - sent_ns_ < settings_.blind_repeat_ns)) return {};
   sent_ns_ = now;
   return {true, true, true};
@@ -78,7 +78,7 @@ LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_be_airborne) no
 // At once: the first datagram after `command` is the zero.
 bool LostLinkProtocol::next_send(TimeNs now, bool may_be_airborne, CommandText& out) noexcept {
   if (commands_.empty()) {
-    const Due what = due(now, may_be_airborne);
+    const Due what = advance(now, may_be_airborne);
     if (what.handshake) commands_.push(CommandText("command"));
     if (what.zero) commands_.push(rc_text({}));
     if (what.landing) commands_.push(CommandText(command_ == Command::emergency ? "emergency" : "land"));

@@ -60,9 +60,9 @@ class LostLinkProtocol {
   };
 
   void enter(TimeNs now, Stage stage) noexcept;
-  Due due(TimeNs now, bool may_be_airborne) noexcept;
+  Due advance(TimeNs now, bool may_be_airborne) noexcept;
   void begin_round() noexcept { for_holder_ = for_contract_ = true; }
-  Due due_seeking(TimeNs now, bool may_be_airborne) noexcept;
+  Due advance_seeking(TimeNs now, bool may_be_airborne) noexcept;
 
   SessionSettings settings_;
   Stage stage_ = Stage::seeks;

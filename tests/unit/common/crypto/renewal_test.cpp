@@ -106,22 +106,22 @@ TEST(EndOfACertificate, IsCountedInWholeDays) {
 
 TEST(EndOfACertificate, IsReportedOnceADayFromAMonthBefore) {
   Renewal renewal("raven", "CN=raven", end_s);
-  EXPECT_FALSE(renewal.end_notice(end_s - 31 * day_s));
-  const auto first = renewal.end_notice(end_s - 30 * day_s + 1);
+  EXPECT_FALSE(renewal.pop_end_notice(end_s - 31 * day_s));
+  const auto first = renewal.pop_end_notice(end_s - 30 * day_s + 1);
   ASSERT_TRUE(first);
   EXPECT_EQ(first->words, "the certificate of raven ends in 29 days");
   EXPECT_EQ(first->weight, Renewal::Weight::warning);
-  EXPECT_FALSE(renewal.end_notice(end_s - 30 * day_s + 2)) << "the same day";
-  EXPECT_TRUE(renewal.end_notice(end_s - 29 * day_s + 1));
+  EXPECT_FALSE(renewal.pop_end_notice(end_s - 30 * day_s + 2)) << "the same day";
+  EXPECT_TRUE(renewal.pop_end_notice(end_s - 29 * day_s + 1));
 }
 
 TEST(EndOfACertificate, WeighsMoreInTheLastThreeDaysAndBehindIt) {
   Renewal renewal("raven", "CN=raven", end_s);
-  EXPECT_EQ(renewal.end_notice(end_s - 3 * day_s)->weight, Renewal::Weight::warning);
-  const auto near = renewal.end_notice(end_s - 2 * day_s + 1);
+  EXPECT_EQ(renewal.pop_end_notice(end_s - 3 * day_s)->weight, Renewal::Weight::warning);
+  const auto near = renewal.pop_end_notice(end_s - 2 * day_s + 1);
   EXPECT_EQ(near->weight, Renewal::Weight::alarm);
   EXPECT_EQ(near->words, "the certificate of raven ends in 1 day");
-  const auto over = renewal.end_notice(end_s + 1);
+  const auto over = renewal.pop_end_notice(end_s + 1);
   EXPECT_EQ(over->weight, Renewal::Weight::alarm);
   EXPECT_EQ(over->words, "the certificate of raven has ended");
 }

@@ -13,7 +13,7 @@ class AskingATello : public ::testing::Test {
   /// Lets time pass until something is asked.
   std::string asked() {
     for (const TimeNs end = now + 10 * ns_per_s; now < end; now += 10 * ns_per_ms) {
-      if (std::string text = dialogue.due(now); !text.empty()) return text;
+      if (std::string text = dialogue.pop_due(now); !text.empty()) return text;
     }
     return "";
   }

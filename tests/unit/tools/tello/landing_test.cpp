@@ -15,7 +15,7 @@ class LandingATello : public ::testing::Test {
   void pass(TimeNs duration, const char* state = nullptr) {
     for (const TimeNs end = now + duration; now < end; now += 10 * ns_per_ms) {
       if (state != nullptr && now % (100 * ns_per_ms) == 0) landing.on_state(now, state);
-      for (const std::string& word : landing.due(now)) said.push_back(word);
+      for (const std::string& word : landing.pop_due(now)) said.push_back(word);
     }
   }
   long count(const std::string& word) const { return std::count(said.begin(), said.end(), word); }

@@ -143,7 +143,7 @@ Status CalibrationFlight::check(TimeNs now) const {
   return done;
 }
 
-std::vector<std::string> CalibrationFlight::due(TimeNs now) {
+std::vector<std::string> CalibrationFlight::pop_due(TimeNs now) {
   now_ns_ = now;
   Words words;
   if (phase_ != Phase::handshake && phase_ != Phase::landing && phase_ != Phase::over)
@@ -302,7 +302,7 @@ void CalibrationFlight::land(TimeNs now, Words& words) {
     said_ns_ = now;
     landing_ = Landing();
   }
-  words = landing_.due(now);
+  words = landing_.pop_due(now);
   if ((landing_.down() && now - takeoff_ns_ >= rising_ns) || now - since_ns_ > landing_ns) {
     if (!landing_.down() && failure_.empty()) failure_ = "it was not seen down";
     begin(Phase::over, now);

@@ -35,7 +35,7 @@ class CalibrationFlight {
   explicit CalibrationFlight(const CalibrationSettings& settings) : settings_(settings) {}
 
   /// What is to be sent now, in this order. To be asked at least each 10 ms.
-  std::vector<std::string> due(TimeNs now);
+  std::vector<std::string> pop_due(TimeNs now);
   void on_answer(std::string_view bytes);
   void on_state(TimeNs now, std::string_view bytes);
   void on_pose(const PoseSample& pose);

@@ -35,7 +35,7 @@ class World {
   }
   void step() {
     now += 2 * ns_per_ms;
-    for (const std::string& word : flight.due(now)) {
+    for (const std::string& word : flight.pop_due(now)) {
       last_word = word;
       if (reaches_drone) way_.emplace_back(now + drone_.delay_ns, as_obeyed(word));
     }
