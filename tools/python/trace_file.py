@@ -13,8 +13,8 @@ class TraceKind(enum.IntEnum):
     """scripts/check-traces holds these against the header."""
     TRUTH = 1
     STATE_SAMPLED = 2
-    FRAME_SUBMITTED = 3
-    FRAME_COMMITTED = 4
+    BATCH_SUBMITTED = 3
+    BATCH_COMMITTED = 4
     STATE_RECEIVED = 5
     COMMAND_MADE = 6
     COMMAND_VERIFIED = 7
