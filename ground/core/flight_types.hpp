@@ -110,6 +110,8 @@ struct PilotCommand {
   std::uint64_t bad_values = 0;       ///< velocities that no drone can fly
   std::uint64_t malformed = 0;        ///< messages that are not what their topic says
   std::uint64_t late = 0;             ///< velocities that were held back on their way: not flown
+  /// Who asked for what by the API, for people: "land, asked for by alice"; each once.
+  std::vector<std::string> requests{};
 };
 
 /// What is taken at any time, and before all else.

@@ -174,6 +174,7 @@ void Ground::open_missions(service::MissionSettings settings) {
                         drone.empty() ? "" : ": ", words);
             station_->add_event(level, drone, words);
           },
+      .report_request = [this](const std::string& words) { station_->add_request("", words); },
       .publish = [this](std::string list) { station_->publish_missions(std::move(list)); },
       .wake = [this] { inbox_.wake(); }});
 }
@@ -290,6 +291,13 @@ std::vector<std::vector<PilotCommand>> Ground::split(const std::vector<PilotComm
   return of_each;
 }
 
+// The ledger has ground's own commands, under the lease of whoever holds the drone: who asked for them is said here.
+void Ground::report_requests(const std::vector<PilotCommand>& commands) {
+  for (const PilotCommand& command : commands) {
+    for (const std::string& words : command.requests) station_->add_request(names_[command.drone], words);
+  }
+}
+
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
   flying_ = true;
   if (operators_) operators_->await_all(monotonic_ns());
@@ -300,7 +308,9 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     if (event) {
       if (auto status = dispatch(*event, inputs); !status) return status.error();
     }
-    const std::vector<std::vector<PilotCommand>> commands = split(inbox_.pop_commands());
+    const std::vector<PilotCommand> commanded = inbox_.pop_commands();
+    report_requests(commanded);
+    const std::vector<std::vector<PilotCommand>> commands = split(commanded);
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       inputs[i].commands = commands[i];
       inputs[i].more = inbox_.has_more_for(i);

@@ -62,6 +62,7 @@ class Ground {
   /// ends the flight.
   Status dispatch(const Inbox::Event& event, std::vector<FlightInputs>& inputs);
   Status dispatch(std::size_t channel, const Channel::Update& update, FlightInputs& inputs);
+  void report_requests(const std::vector<PilotCommand>& commands);
   /// Of each channel, its drones as its core has them.
   std::vector<std::vector<PilotCommand>> split(const std::vector<PilotCommand>& commands) const;
   void step(std::vector<FlightInputs> inputs);

@@ -29,6 +29,32 @@ ApiAnswer done_or(const Status& status) {
   return status ? ApiAnswer{202, accepted} : refusal(409, status.error().message);
 }
 
+/// For people; null: it changes nothing, or is reported when its operator has signed it.
+const char* reported_words(const MissionRequest& asked) {
+  using Kind = MissionRequest::Kind;
+  switch (asked.kind) {
+    case Kind::approve:
+      return asked.who ? nullptr : "approve";
+    case Kind::withdraw:
+      return asked.who ? nullptr : "withdraw the approval of";
+    case Kind::start:
+      return "start";
+    case Kind::pause:
+      return "pause";
+    case Kind::resume:
+      return "resume";
+    case Kind::land:
+      return "land";
+    case Kind::remove:
+      return "remove";
+    case Kind::list:
+    case Kind::show:
+    case Kind::add:
+      break;
+  }
+  return nullptr;
+}
+
 std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
 
 /// Who of those that may approve has anchored this digest.
@@ -183,6 +209,9 @@ void MissionService::answer_on_flight(const MissionRequest& asked, const Answer&
   using Kind = MissionRequest::Kind;
   if (asked.kind == Kind::list) return answer({200, fmt::format(R"({{"missions":{}}})", book_.list())});
   if (!book_.has(asked.id)) return answer(refusal(404, "there is no such mission"));
+  if (const char* words = reported_words(asked))
+    parts_.report_request(
+        fmt::format("{} mission {}, asked for by {}", words, book_.mission(asked.id).name, asked.asker));
   switch (asked.kind) {
     case Kind::show:
       return answer({200, book_.show(asked.id)});

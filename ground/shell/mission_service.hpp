@@ -27,8 +27,9 @@ class MissionService {
     std::function<bool(std::size_t who)> signed_in;  ///< on the flight's thread
     std::function<void(const PilotCommand& command)> post_command;
     std::function<void(Level level, const std::string& drone, const std::string& words)> report;
-    std::function<void(std::string list)> publish;  ///< [MISSION...]
-    std::function<void()> wake;                     ///< the flight's thread shall step()
+    std::function<void(const std::string& words)> report_request;  ///< who asked for what; on the flight's thread
+    std::function<void(std::string list)> publish;                 ///< [MISSION...]
+    std::function<void()> wake;                                    ///< the flight's thread shall step()
   };
   static constexpr std::size_t max_waiting = 32;
 

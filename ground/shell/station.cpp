@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/log.hpp"
 #include "common/msg/contract.hpp"
 #include "common/rt/clock.hpp"
 
@@ -53,6 +54,10 @@ void Station::add_block(const fabric::Block& block) {
 }
 
 void Station::update(const std::vector<std::string>& notes) {
+  for (service::Notice& request : requests_.pop_due(monotonic_ns())) {
+    spdlog::info("{}{}{}", request.drone, request.drone.empty() ? "" : ": ", request.text);
+    add_event(Level::info, request.drone, std::move(request.text));
+  }
   for (service::Event& event : board_.update(monotonic_ns(), view_, notes)) {
     if (event.level == Level::alarm) spdlog::error("{}: {}", event.drone, event.text);  // outlives the station
     unshown_.push_back(std::move(event));

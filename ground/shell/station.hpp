@@ -30,6 +30,8 @@ class Station {
   std::string url() const { return server_->url(); }
 
   void add_event(Level level, const std::string& drone, std::string words);
+  /// Who asked for what: "land, asked for by alice". In the log, too.
+  void add_request(const std::string& drone, const std::string& words) { requests_.add(drone, words, words); }
   /// How a call of the contract's `function` ended.
   void add_outcome(std::string_view function, const fabric::Outcome& outcome) { refusals_.add(function, outcome); }
   /// Soon, where the block may have changed a record of control: it decides what the next order is answered.
@@ -51,6 +53,7 @@ class Station {
   const std::shared_ptr<const crypto::IdentityInUse> self_;
   service::Board board_;
   service::Refusals refusals_;
+  service::Notices<std::string> requests_;             ///< by their words
   std::vector<service::Event> unshown_;                ///< of the board, not handed to the server yet
   std::vector<service::BlockSummary> unshown_blocks_;  ///< likewise; at most max_reported_blocks
   TimeNs next_show_ns_ = 0, shown_ns_ = 0;

@@ -126,13 +126,13 @@ std::string object_text(const access::CallMessage& message) {
   return "";
 }
 
-/// Who signed a command; where it did so in a holder's place, for whom.
+/// Who signed a command; where it did so in a holder's place, under whose lease.
 std::string commander_text(const crypto::IdentityName& signer, const DronePlan& plan,
                            const std::optional<Control>& record) {
   const std::string who = text_of(signer);
   const bool delegate =
       record && record->has_delegate() && to_name(record->delegate()) == signer && record->epoch() == plan.epoch();
-  return delegate ? who + " for " + text_of(to_name(record->holder())) : who;
+  return delegate ? fmt::format("{} under {}'s lease", who, text_of(to_name(record->holder()))) : who;
 }
 
 }  // namespace

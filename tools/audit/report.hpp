@@ -151,7 +151,7 @@ struct TimeSpan {
 struct DroneReport {
   FirstOnes<Tenure> holders{1'000};
   FirstOnes<Event> events{2'000};
-  std::map<std::string, Commands> commands;  ///< by who, of a delegate: "station for pilot"
+  std::map<std::string, Commands> commands;  ///< by who, of a delegate: "station under pilot's lease"
   OverTime commands_over_time;
   FirstOnes<Change> transitions{5'000};
   std::uint64_t transitions_missing = 0;  ///< gaps in the numbers that link gave them

@@ -57,6 +57,32 @@ Result<json> object_from(std::string_view body, std::initializer_list<std::strin
   return object;
 }
 
+/// Who asks, for people. An event that begins with an operator's name is what came of it (update_of()).
+std::string asker_text(const ApiRequest& request, const ApiContext& known) {
+  if (request.who) return known.operators[*request.who].name;
+  return request.session_ended ? "a session that is over" : "the page's token";
+}
+
+/// What is commanded, for people; the safest of it, as it is what counts.
+const char* words_of(const PilotCommand& command) {
+  if (command.cut) return "cut";
+  if (command.stop) return "stop";
+  if (command.land) return "land";
+  if (command.takeoff) return "take off";
+  if (command.pause) return "pause";
+  if (command.clear_stop) return "clear the stop";
+  if (!command.order) return "fly";
+  switch (command.order->kind) {
+    case PilotOrder::Kind::path:
+      return "fly a path";
+    case PilotOrder::Kind::resume:
+      return "resume the path";
+    case PilotOrder::Kind::return_home:
+      return "return";
+  }
+  return "fly";
+}
+
 bool has(std::span<const std::size_t> drones, std::size_t drone) {
   return std::ranges::find(drones, drone) != drones.end();
 }
@@ -210,6 +236,7 @@ std::optional<MissionRequest::Kind> mission_verb(std::string_view verb) {
 
 ApiAnswer mission_answer(const ApiRequest& request, MissionRequest asked, const ApiContext& known) {
   asked.who = request.who;
+  asked.asker = asker_text(request, known);
   if (request.who) asked.by = known.operators[*request.who].identity;
   const bool looks = asked.kind == MissionRequest::Kind::list || asked.kind == MissionRequest::Kind::show;
   if (!looks && asked.kind != MissionRequest::Kind::land && !known.operators.empty() && !request.who)
@@ -442,9 +469,10 @@ ApiAnswer answer(const ApiRequest& request, const ApiContext& known) {
     return refusal(409, fmt::format("{} is in the air, or not known to be on the ground: a cut drops it. If "
                                     "that is meant: \"confirmed\":true, `ledgerline drones cut --yes`; a stop lands it",
                                     known.names[*drone]));
-  if (known.operators.empty()) return made;
-  if (!request.who) return made;
-  for (PilotCommand& command : made.commands) command.by = known.operators[*request.who].identity;
+  for (PilotCommand& command : made.commands) {
+    command.requests = {fmt::format("{}, asked for by {}", words_of(command), asker_text(request, known))};
+    if (request.who) command.by = known.operators[*request.who].identity;
+  }
   return made;
 }
 
@@ -463,6 +491,9 @@ void merge(const PilotCommand& command, PilotCommand& waiting) {
   waiting.late += command.late;
   if (command.order) waiting.order = command.order;
   if (command.velocity) set_velocity(*command.velocity, command.came_ns, waiting);
+  for (const std::string& request : command.requests) {
+    if (std::ranges::find(waiting.requests, request) == waiting.requests.end()) waiting.requests.push_back(request);
+  }
 }
 
 std::string session_text(const std::string& token, const Operator& who) {

@@ -60,6 +60,7 @@ struct MissionRequest {
   std::string name;                          ///< of add, CSV: the mission's
   std::optional<std::size_t> who{};          ///< index of the operator who asks; none: ground's own identity signs
   std::optional<crypto::IdentityName> by{};  ///< likewise
+  std::string asker{};                       ///< for people: "alice", "the page's token"
 };
 /// What is done before the answer goes out: one of these at most.
 struct ApiAnswer {

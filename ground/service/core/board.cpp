@@ -232,14 +232,12 @@ std::vector<Event> Board::update(TimeNs now, const FlightView& core, const std::
 
 std::vector<Event> Board::refusals(TimeNs now, Refusals& refusals) {
   std::vector<Event> events;
-  for (Refusals::RefusalNotice& said : refusals.pop_due(now))
-    add(now, Level::warning, said.drone, std::move(said.text), events);
+  for (Notice& said : refusals.pop_due(now)) add(now, Level::warning, said.drone, std::move(said.text), events);
   return events;
 }
 
 namespace {
 
-constexpr TimeNs gap_ns = ns_per_s;
 constexpr std::size_t max_words = 300;  // bytes of what a peer says
 
 std::string text_of(std::string_view function, const fabric::Outcome& outcome) {
@@ -267,20 +265,7 @@ void Refusals::add(std::string_view function, const fabric::Outcome& outcome) {
   if (outcome.kind == fabric::Outcome::Kind::committed) return;
   const auto named = std::ranges::find_if(
       names_, [&](const std::string& name) { return outcome.refusal && fabric::names(*outcome.refusal, name); });
-  Slot& slot = slots_[{named == names_.end() ? std::string() : *named, outcome.kind}];
-  slot.text = text_of(function, outcome);
-  ++slot.count;
-}
-
-std::vector<Refusals::RefusalNotice> Refusals::pop_due(TimeNs now) {
-  std::vector<RefusalNotice> said;
-  for (auto& [key, slot] : slots_) {
-    if (slot.count == 0 || now < slot.next_ns) continue;
-    said.push_back({key.first, slot.count == 1 ? slot.text : fmt::format("{} ({} times)", slot.text, slot.count)});
-    slot.count = 0;
-    slot.next_ns = now + gap_ns;
-  }
-  return said;
+  notices_.add(named == names_.end() ? std::string() : *named, outcome.kind, text_of(function, outcome));
 }
 
 }  // namespace ledgerline::ground::service

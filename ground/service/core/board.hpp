@@ -1,4 +1,6 @@
 #pragma once
+#include <fmt/format.h>
+
 #include <array>
 #include <cstdint>
 #include <map>
@@ -14,30 +16,64 @@
 
 namespace ledgerline::ground::service {
 
-/// Calls that did not get through, said at most once a second for each drone and kind of end, with how many there were:
-/// a storm of them must not push other events out of sight. Deterministic; one thread.
-class Refusals {
+struct Notice {
+  std::string drone;  ///< empty: of none
+  std::string text;
+};
+/// What may come often, said at most once a second for each drone and kind, with how many there were: a storm of it
+/// must not push other events out of sight. Deterministic; one thread.
+template <typename Kind>
+class Notices {
  public:
-  /// `names`: of the drones; a refusal of any other name is of none of them.
-  explicit Refusals(std::vector<std::string> names) : names_(std::move(names)) {}
-
-  struct RefusalNotice {
-    std::string drone;  ///< empty: of none
-    std::string text;
-  };
-  /// How a call of `function` ended; a committed one is nothing to say.
-  void add(std::string_view function, const fabric::Outcome& outcome);
+  void add(const std::string& drone, const Kind& kind, std::string text) {
+    Slot& slot = slots_[{drone, kind}];
+    slot.text = std::move(text);
+    ++slot.count;
+  }
   /// What is due, which is forgotten with that.
-  std::vector<RefusalNotice> pop_due(TimeNs now);
+  std::vector<Notice> pop_due(TimeNs now) {
+    std::vector<Notice> due;
+    for (auto it = slots_.begin(); it != slots_.end();) {
+      auto& [key, slot] = *it;
+      const bool waits = now < slot.next_ns;
+      if (!waits && slot.count == 0) {
+        it = slots_.erase(it);
+        continue;
+      }
+      if (!waits) {
+        due.push_back({key.first, slot.count == 1 ? slot.text : fmt::format("{} ({} times)", slot.text, slot.count)});
+        slot.count = 0;
+        slot.next_ns = now + gap_ns;
+      }
+      ++it;
+    }
+    return due;
+  }
 
  private:
+  static constexpr TimeNs gap_ns = ns_per_s;
   struct Slot {
     std::string text;         ///< of the newest
     std::uint64_t count = 0;  ///< not said yet
     TimeNs next_ns = 0;
   };
+  std::map<std::pair<std::string, Kind>, Slot> slots_;  ///< by drone; those of the last second
+};
+
+/// Calls that did not get through, of each drone and kind of end. Deterministic; one thread.
+class Refusals {
+ public:
+  /// `names`: of the drones; a refusal of any other name is of none of them.
+  explicit Refusals(std::vector<std::string> names) : names_(std::move(names)) {}
+
+  /// How a call of `function` ended; a committed one is nothing to say.
+  void add(std::string_view function, const fabric::Outcome& outcome);
+  /// What is due, which is forgotten with that.
+  std::vector<Notice> pop_due(TimeNs now) { return notices_.pop_due(now); }
+
+ private:
   const std::vector<std::string> names_;
-  std::map<std::pair<std::string, fabric::Outcome::Kind>, Slot> slots_;  ///< by drone
+  Notices<fabric::Outcome::Kind> notices_;
 };
 
 /// Makes of the flight what the station's clients are sent: its drones as JSON, and events of what changed between two

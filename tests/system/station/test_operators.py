@@ -138,6 +138,12 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     # Drones of an operator who leaves in flight are landed, and their leases released.
     bob.say("drones/tello1/takeoff")
     station.wait("tello1", lambda drone: drone["phase"] == "manual")
+    # Anybody signed in may land it; who did is not on the ledger.
+    alice.say("drones/tello1/land")
+    station.wait("tello1", lambda drone: drone["phase"] == drone["link_phase"] == "landed")
+    assert alice.reported("land, asked for by alice")["drone"] == "tello1"
+    bob.say("drones/tello1/takeoff")
+    station.wait("tello1", lambda drone: drone["phase"] == "manual")
     assert bob.ask("DELETE", "session")[0] == 202
     station.wait("tello1", lambda drone: drone["phase"] == "landed" and not drone["lease"]["holder"])
     assert bob.ask("POST", "drones/tello1/takeoff")[0] == 401, "his session is over"
@@ -146,11 +152,12 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
                                      capture_output=True, text=True, timeout=60).stdout)
     commanded = [one["who"] for one in reported["drones"]["tello1"]["commands"]]
     for name in ("alice", "bob"):
-        assert f"Org2MSP/User1@org2.ledgerline for Org2MSP/{name}@org2.ledgerline" in commanded, commanded
+        assert f"Org2MSP/User1@org2.ledgerline under Org2MSP/{name}@org2.ledgerline's lease" in commanded, commanded
     stops = [word for word in reported["drones"]["tello1"]["words"] if word["what"] == "stop"]
     assert all("alice@" in json.dumps(stop) for stop in stops) and stops, stops
     end(flight, tmp_path)  # what went wrong was over with the next take-off
     assert "ENCRYPTED" in (run / "operators" / "alice" / "keystore" / "priv_sk").read_text()
     logs = "".join(log.read_text(errors="replace") for log in run.glob("*.log"))
+    assert "tello1: land, asked for by alice" in logs and "tello1: take off, asked for by bob" in logs
     for secret in (alice.token, bob.token, *re.findall(r"pass phrase (\w+)", printed(tmp_path))):
         assert secret not in logs, "no secret is in a log"

@@ -64,6 +64,7 @@ test('what came of a request is said on its card: by its signer, or why the dron
   const refused = { level: 'warning', text: `no take-off: its lease is held by ${bob}` };
   assert.equal(rules.replyOf({ level: 'info', text: 'alice: take control' }, of_alice), 'alice: take control: done');
   assert.equal(rules.replyOf({ level: 'warning', text: 'bob: take control: refused' }, of_alice), null);
+  assert.equal(rules.replyOf({ level: 'info', text: 'land, asked for by alice' }, of_alice), null, 'nothing has come of it yet');
   assert.equal(rules.replyOf(refused, without), refused.text);
   assert.equal(rules.replyOf(refused, of_alice), 'no take-off: its lease is held by bob');
   assert.equal(rules.replyOf({ level: 'alarm', text: 'link does not reach it' }, without), null);

@@ -88,7 +88,7 @@ TEST_F(ReportTest, ACommandInAHoldersPlaceNamesBoth) {
   ledger.send(ledger.admin2, "command", ledger.command_call(2, 1, 200));
   ledger.commit();
   const DroneReport& drone = reported();
-  const std::string station = "Org2MSP/admin.Org2MSP", both = station + " for " + pilot_name;
+  const std::string station = "Org2MSP/admin.Org2MSP", both = station + " under " + pilot_name + "'s lease";
   ASSERT_EQ(drone.holders.all().size(), 1U);
   EXPECT_EQ(drone.holders.all()[0].who, pilot_name);
   EXPECT_EQ(drone.holders.all()[0].delegate, station);

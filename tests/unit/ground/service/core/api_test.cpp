@@ -138,6 +138,7 @@ TEST_F(SignedIn, WhoClicksIsWhoIsMeant) {
   const ApiAnswer takeoff = ask("POST", "/api/v1/drones/tello2/takeoff", "", 1);
   ASSERT_THAT(takeoff.commands, SizeIs(1));
   EXPECT_EQ(takeoff.commands[0].by, operators[1].identity);
+  EXPECT_EQ(takeoff.commands[0].requests, std::vector<std::string>{"take off, asked for by bob"});
   EXPECT_EQ(
       ask("GET", "/api/v1/operators", "", 1).body,
       R"({"operators":[{"identity":"Org2MSP CN=alice","name":"alice"},{"identity":"Org2MSP CN=bob","name":"bob"}],"you":"bob"})");
@@ -265,6 +266,8 @@ TEST_F(SignedIn, WithoutASessionThereAreOnlyLooksLandingsAndStops) {
   }
   EXPECT_EQ(ask("GET", "/api/v1/drones").status, 200U);
   EXPECT_FALSE(ask("POST", "/api/v1/stop").commands.at(0).by);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/land").commands.at(0).requests.at(0),
+            "land, asked for by the page's token");
   EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/land").commands.at(0).land);
   EXPECT_EQ(ask("POST", "/api/v1/stop", "", 0).commands.at(1).by, operators[0].identity) << "his own stop";
 }
@@ -280,6 +283,7 @@ TEST_F(SignedIn, ASessionThatIsOverStopsAndLandsAndDoesNothingElse) {
     const ApiAnswer taken = ask_over("POST", std::string("/api/v1/drones/tello1/") + verb);
     ASSERT_THAT(taken.commands, SizeIs(1)) << verb;
     EXPECT_FALSE(taken.commands[0].by) << verb;
+    EXPECT_EQ(taken.commands[0].requests.at(0), std::string(verb) + ", asked for by a session that is over");
   }
   EXPECT_EQ(ask_over("POST", "/api/v1/missions/12/land").mission->kind, MissionRequest::Kind::land);
   for (const char* target : {"drones",
@@ -371,6 +375,7 @@ TEST_F(SignedIn, WhatIsAskedOfMissionsSaysWhoAsks) {
   ASSERT_TRUE(start.mission) << start.body;
   EXPECT_EQ(start.mission->kind, Kind::start);
   EXPECT_EQ(start.mission->by, operators[1].identity);
+  EXPECT_EQ(start.mission->asker, "bob");
   EXPECT_EQ(ask("DELETE", "/api/v1/missions/0a1b", "", 1).mission->kind, Kind::remove);
   for (const char* verb : {"approve", "withdraw", "start", "pause", "resume"})
     EXPECT_EQ(ask("POST", std::string("/api/v1/missions/0a1b/") + verb).status, 403U) << verb;
@@ -405,7 +410,8 @@ TEST_F(Api, WhereNobodySignsInThereIsNoCallToSign) {
 
 TEST(PendingCommands, NoActionIsLostAndTheNewestVelocityCounts) {
   PilotCommand waiting{.drone = 0, .velocity = Twist{{0.1, 0, 0}, {}}, .came_ns = 1, .takeoff = true};
-  merge({.drone = 0, .stop = true}, waiting);
+  for (int i = 0; i < 2; ++i) merge({.drone = 0, .stop = true, .requests = {"stop, asked for by alice"}}, waiting);
+  EXPECT_EQ(waiting.requests, std::vector<std::string>{"stop, asked for by alice"});
   EXPECT_TRUE(waiting.takeoff && waiting.stop && !waiting.cut);
   EXPECT_EQ(waiting.came_ns, 1);
   merge({.drone = 0, .pause = true}, waiting);

@@ -62,5 +62,18 @@ TEST(Refusals, WhatIsCommittedIsNothingToSayAndWhatAPeerSaysIsBounded) {
   EXPECT_LT(refusals.pop_due(0).at(0).text.size(), 2'000U);
 }
 
+TEST(Notices, ARequestThatIsRepeatedIsReportedOnceASecondAndAnotherAtOnce) {
+  Notices<std::string> requests;
+  const auto request = [&](const std::string& words) { requests.add("tello1", words, words); };
+  request("land, asked for by alice");
+  EXPECT_EQ(requests.pop_due(0).at(0).text, "land, asked for by alice");
+  for (int i = 0; i < 3; ++i) request("land, asked for by alice");
+  request("land, asked for by bob");
+  const auto other = requests.pop_due(ns_per_ms);
+  ASSERT_EQ(other.size(), 1U);
+  EXPECT_EQ(other[0].text, "land, asked for by bob");
+  EXPECT_EQ(requests.pop_due(ns_per_s).at(0).text, "land, asked for by alice (3 times)");
+}
+
 }  // namespace
 }  // namespace ledgerline::ground::service
