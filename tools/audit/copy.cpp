@@ -114,6 +114,19 @@ Result<Reading> read_folder(const std::string& folder, std::uint64_t newest, con
   return reading;
 }
 
+/// Why a folder without blocks is no copy. A Fabric network keeps them in its peers, whose files nothing here reads.
+std::string no_copy_text(const std::string& path) {
+  std::error_code failed;
+  for (const fs::path& network : {fs::path(path) / "ledger", fs::path(path)}) {
+    if (!fs::is_directory(network / "done", failed)) continue;
+    return fmt::format(
+        "{}: it has no copy of the chain, since the flight was on Fabric. `ledgerline fabric up --dir {}` serves it "
+        "again; then `ledgerline audit --config {} --save copy` audits it, and --blocks takes that copy",
+        path, network.string(), (network / ".." / "operator.toml").lexically_normal().string());
+  }
+  return path + ": has neither a file \"blocks\" nor 0.block, 1.block ...";
+}
+
 }  // namespace
 
 Result<Reading> read_copy(const std::string& path, const OnBlock& on_block) {
@@ -128,7 +141,7 @@ Result<Reading> read_copy(const std::string& path, const OnBlock& on_block) {
   }
   const auto newest = newest_in(path);
   if (!newest) return newest.error();
-  if (!*newest) return Error{path + ": has neither a file \"blocks\" nor 0.block, 1.block ..."};
+  if (!*newest) return Error{no_copy_text(path)};
   return read_folder(path, **newest, on_block);
 }
 

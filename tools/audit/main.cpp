@@ -124,7 +124,7 @@ constexpr const char* notes = R"(Examples:
   ledgerline audit --config operator.toml --save copy
   ledgerline audit --blocks copy --anchor teleop.block --drone tello1 --from 2026-11-29T01:02:03Z --json flight.json
   ledgerline audit --blocks copy --anchor teleop.block
-  ledgerline audit --blocks OUT --anchor OUT/ledger/teleop.block --json -       # of ledgerline fly --out OUT
+  ledgerline audit --blocks OUT --anchor OUT/ledger/teleop.block --json -       # of ledgerline fly --out OUT, not on Fabric
 A copy: the folder of a ledgerline-node or flight that has ended, or one with 0.block, 1.block ... as --save and
 `peer channel fetch N` write them. Without flags (an orderer's blocks) there is nothing to compare verdicts with.
 Exit codes: 0 nothing found; 1 something is not as it must be: the last line names the first such thing;

@@ -114,6 +114,16 @@ TEST_F(CopyTest, AGapInAFolderIsReportedAndNotPassedOver) {
   EXPECT_THAT(reading->problem, HasSubstr("the copy goes on to block 3"));
 }
 
+TEST_F(CopyTest, AFlightsFolderOnFabricIsNoneAndSaysHowToMakeOne) {
+  fs::create_directories(folder + "/run/ledger/done");
+  for (const std::string inside : {"/run", "/run/ledger"}) {
+    const auto reading = read(folder + inside);
+    ASSERT_FALSE(reading);
+    EXPECT_THAT(reading.error().message, HasSubstr("ledgerline fabric up --dir " + folder + "/run/ledger`"));
+    EXPECT_THAT(reading.error().message, HasSubstr("--config " + folder + "/run/operator.toml --save copy`"));
+  }
+}
+
 TEST_F(CopyTest, WhatIsNoCopyIsAnError) {
   EXPECT_FALSE(read(folder));
   EXPECT_FALSE(read(folder + "/nothing"));
