@@ -61,6 +61,13 @@ std::string to_text(const Finding& finding) {
   return fmt::format("block {}, transaction {}{}: {}", finding.block, *finding.transaction, id, finding.what);
 }
 
+std::string verdict(const ChainAudit& audit) {
+  if (!audit.findings().empty()) return "first difference: " + to_text(audit.findings().front());
+  if (audit.height() == 0) return "nothing found: no block was shown";
+  return fmt::format("nothing found: everything is as it must be up to block {} (hash {}); later blocks were not shown",
+                     audit.height() - 1, audit.newest_hash());
+}
+
 Result<ChainAudit> ChainAudit::start(Trust trust, TimeSpan span) {
   ChainAudit audit(std::move(trust), span);
   audit.rules_.channel = audit.trust_.channel;
@@ -89,9 +96,14 @@ void ChainAudit::find(std::optional<std::size_t> transaction, const std::string&
 void ChainAudit::find_at_end(const std::string& what) { find(std::nullopt, "", what); }
 
 void ChainAudit::end() {
-  if (trust_.anchor.empty() || anchor_seen_) return;
-  find(std::nullopt, "",
-       fmt::format("the chain ends before block {}, the trust anchor: nothing shows whose it is", anchor_number_));
+  if (!trust_.anchor.empty() && !anchor_seen_)
+    find(std::nullopt, "",
+         fmt::format("the chain ends before block {}, the trust anchor: nothing shows whose it is", anchor_number_));
+  if (!trust_.newest.empty() && newest_hash() != trust_.newest)
+    find(std::nullopt, "",
+         fmt::format(
+             "the newest block that was shown has the hash {}, not {}: later ones are missing, or have come since",
+             newest_hash(), trust_.newest));
 }
 
 void ChainAudit::configure(const fabric::ChannelConfig& config) {

@@ -36,6 +36,7 @@ struct Trust {
   /// first block that comes is taken as it is, and its author is trusted.
   std::string anchor;
   crypto::Library library = crypto::Library::libcrypto;
+  std::string newest{};  ///< hash of the newest block's header that somebody else has seen, hex; empty: none is known
 };
 
 struct Counts {
@@ -60,7 +61,7 @@ class ChainAudit {
   void add(std::string_view block);
   /// A finding of the chain's reader, where the next block should be.
   void find_at_end(const std::string& what);
-  /// Behind the last block: that the anchor was in the chain.
+  /// Behind the last block: that the anchor was in the chain, and that it is the newest one.
   void end();
 
   static constexpr std::size_t max_findings = 1'000;
@@ -114,6 +115,8 @@ struct AuditRequest {
   }
 };
 
+/// "nothing found: ... up to block 17 (hash 0a1b...)", or the first finding.
+std::string verdict(const ChainAudit& audit);
 /// For a terminal: one or two screens. The last line names the first finding, or says that there is none.
 std::string to_table(const ChainAudit& audit, const AuditRequest& asked);
 /// The object of --json. Times are in seconds since 1970, as clients claimed them.

@@ -21,7 +21,7 @@ using namespace ledgerline::audit;
 constexpr int exit_found = 1, exit_unreadable = 2;
 
 struct Options {
-  std::string blocks, config, anchor, channel = "teleop", save, json, html, from, to;
+  std::string blocks, config, anchor, channel = "teleop", newest, save, json, html, from, to;
   std::vector<std::string> drones;
   bool trust_first_block = false;
   double timeout_s = 20;
@@ -66,6 +66,12 @@ Result<Plan> make_plan(const Options& options) {
     if (!anchor) return anchor.error();
     plan.trust.anchor = std::move(*anchor);
     plan.asked.anchor = options.anchor;
+  }
+  if (!options.newest.empty()) {
+    const auto hash = crypto::unhex(options.newest);
+    if (!hash || hash->size() != crypto::Digest{}.size())
+      return Error{"--newest: a block's hash has 64 digits, 0 to 9 and a to f"};
+    plan.trust.newest = crypto::hex(*hash);
   }
   plan.asked.channel = plan.trust.channel;
   plan.asked.drones.insert(options.drones.begin(), options.drones.end());
@@ -136,6 +142,7 @@ void add_options(CommandLine& line, Options& o) {
   line.option("--blocks", o.blocks, "Audit this copy of a chain").existing_path();
   line.option("--anchor", o.anchor, "A config block of the channel that you trust (CHANNEL.block)").existing_file();
   line.flag("--trust-first-block", o.trust_first_block, "Without an anchor: take the chain's first block as it is");
+  line.option("--newest", o.newest, "The newest block's hash, as others have it: another one is a finding");
   line.option("--channel", o.channel, "The channel of a copy").shows_default();
   line.option("--drone", o.drones, "Tell of this one alone; may be given again. The whole chain is checked")
       .one_at_a_time();

@@ -141,8 +141,7 @@ std::string findings_text(const ChainAudit& audit) {
   if (audit.counts().findings > max_findings)
     text += fmt::format("  and {} findings more, which may follow from the first ones\n",
                         audit.counts().findings - max_findings);
-  if (findings.empty()) return text + "nothing found: everything is as it must be\n";
-  return text + fmt::format("first difference: {}\n", to_text(findings.front()));
+  return text + verdict(audit) + "\n";
 }
 
 }  // namespace

@@ -171,6 +171,15 @@ def test_a_missing_block_is_found(written, copy, tmp_path):
     assert done.returncode == 1 and "first difference: block 2:" in done.stdout, done.stdout + done.stderr
 
 
+def test_deleted_last_blocks_are_found_by_the_newest_hash(written, copy, tmp_path):
+    (copy.changed(tmp_path, bytes) / f"{copy.reported['newest_block']}.block").unlink()
+    blind = audit("--blocks", tmp_path, "--anchor", written.anchor)
+    assert blind.returncode == 0 and f"up to block {copy.reported['newest_block'] - 1} (hash " in blind.stdout.splitlines()[-1]
+    done = audit("--blocks", tmp_path, "--anchor", written.anchor, "--newest", copy.reported["newest_hash"])
+    assert done.returncode == 1 and f"not {copy.reported['newest_hash']}" in done.stdout.splitlines()[-1], done.stdout + done.stderr
+    assert audit("--blocks", tmp_path, "--anchor", written.anchor, "--newest", "12ab").returncode == 2
+
+
 def test_the_official_node_client_is_read_as_well(written):
     modules = pathlib.Path(os.environ.get("LEDGERLINE_NPM", "")) / "node_modules"
     if not (modules / "@hyperledger" / "fabric-gateway").is_dir():

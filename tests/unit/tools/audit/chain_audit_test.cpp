@@ -1,5 +1,6 @@
 #include "tools/audit/chain_audit.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <nlohmann/json.hpp>
@@ -52,8 +53,21 @@ TEST_F(ChainAuditTest, NothingIsFoundInAnHonestChain) {
   EXPECT_EQ(audit.counts().config_blocks, 1U);
   EXPECT_EQ(audit.counts().transactions, audit.counts().valid);
   EXPECT_EQ(audit.counts().endorsements, 3 * (audit.counts().transactions - 1));
-  EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}),
-              EndsWith("nothing found: everything is as it must be\n"));
+  const std::string verdict_text =
+      fmt::format("nothing found: everything is as it must be up to block {} (hash {}); later blocks were not shown",
+                  last(), audit.newest_hash());
+  EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}), EndsWith(verdict_text + "\n"));
+  EXPECT_EQ(to_json(audit, {})["verdict"], verdict_text);
+  EXPECT_EQ(to_json(audit, {})["newest_block"], last());
+}
+
+TEST_F(ChainAuditTest, LastBlocksThatWereLeftOutAreFoundByTheNewestHash) {
+  Trust trust = ledger.trust();
+  trust.newest = audited(ledger.chain, ledger.trust()).newest_hash();
+  EXPECT_THAT(texts(audited(ledger.chain, trust)), IsEmpty());
+  ledger.chain.pop_back();
+  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())), IsEmpty()) << "nothing shows it";
+  EXPECT_THAT(texts(audited(ledger.chain, trust)), ElementsAre(HasSubstr("not " + trust.newest)));
 }
 
 TEST_F(ChainAuditTest, TellsOfTheSpanAndTheDronesThatWereAskedForAndChecksAll) {
