@@ -126,7 +126,11 @@ int ledgerline::command::missions(int argc, char** argv) {
   verbs.push_back(
       line.verb("digest", "Print a file's digest and its approval's; of a station that is named, what it has of it"));
   Verb& digests = verbs.back();
-  digests.option("FILE", verb_options.file, "a mission, .json or .csv").required().existing_file();
+  digests
+      .option("FILE", verb_options.file,
+              "a mission, .json or .csv, or what its ground keeps of it (ID.json, ID.record.json)")
+      .required()
+      .existing_file();
   digests.option("--name", verb_options.name, "of a mission in CSV; else the file's");
   Option until = digests.option("--until", verb_options.until, "end of the approval, as its words on the ledger say");
   until.needs(

@@ -86,6 +86,9 @@ def test_a_mission_is_checked_approved_flown_together_and_on_the_ledger(tmp_path
         time.sleep(0.5)
     assert "what became of mission survey" in verified.stdout
     assert json.loads(record.read_text())["phase"] == "done"
+    for kept in (record, record.with_name(f"{one}.json")):
+        digest = subprocess.run([BIN / "ledgerline", "missions", "digest", kept, "--json"], capture_output=True, text=True, timeout=30)
+        assert digest.returncode == 0 and json.loads(digest.stdout)["digest"].startswith(one), digest.stdout + digest.stderr
     end(flight, tmp_path)
 
 

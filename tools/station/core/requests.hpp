@@ -37,7 +37,8 @@ Request sign_in(const std::string& name, const std::string& pass_phrase);
 
 /// `file` ends in .json or .csv; `name` is of CSV alone, which has none in it.
 Result<Request> mission_to_add(const std::string& file, std::string text, const std::string& name);
-/// What such a file holds: its digest is what missions are approved by.
+/// What such a file holds, or what a station keeps of a mission (ID.json, ID.record.json): its digest is what missions
+/// are approved by.
 Result<ground::mission::Mission> mission_from(const std::string& file, const std::string& text,
                                               const std::string& name);
 /// A mission's digest, and those that its approval and withdrawal have on the ledger (`ledgerline audit` lists them).

@@ -114,6 +114,14 @@ TEST(AMissionsDigest, IsThatOfTheStationAndOfTheApprovalOnTheLedger) {
   const auto alone = digests_of(*mission, "", 0, 86'400);
   ASSERT_TRUE(alone);
   EXPECT_TRUE(alone->name == "two" && alone->digest == crypto::hex(digest) && alone->words.empty());
+  const std::string canonical = ground::mission::canonical(*mission);
+  for (const std::string& kept : {R"({"by":["Org2MSP","CN=alice"],"run":{"version":1,"mission":)" + canonical + "}}",
+                                  R"({"name":"two","phase":"done","mission":)" + canonical + "}"}) {
+    const auto read = mission_from("missions/0a1b.record.json", kept, "");
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(ground::mission::digest(*read), digest);
+  }
+  EXPECT_FALSE(mission_from("0a1b.json", R"({"by":null,"run":{"mission":{}}})", ""));
   for (const std::int64_t lasts_s : {86'400, 3'601}) {  // the odd one, too: half of it is cut
     const ground::service::ApprovalTerms terms({"Org2MSP", "CN=station"}, lasts_s);
     const std::int64_t given_s = 1'700'000'000, until_s = (terms.period(given_s) + 2) * (lasts_s / 2);
