@@ -15,8 +15,9 @@ namespace {
 constexpr std::size_t max_lines = 6;  // of a drone's lists: the page and --json have them whole
 constexpr std::size_t max_drones = 8;
 constexpr std::size_t max_findings = 20;
-constexpr std::array<std::string_view, 4> kept_functions{contract::stop, contract::clear_stop, contract::evict,
-                                                         contract::apply_stops};
+constexpr std::array<std::string_view, 5> stop_words{"cut", contract::stop, contract::clear_stop, contract::evict,
+                                                     contract::apply_stops};
+constexpr std::array<std::string_view, 4> other_kept_words{"take-off", "landing", contract::grant, contract::hand_over};
 
 std::string time_text(TimeNs time_ns) {
   if (time_ns <= 0) return "at no time";
@@ -61,16 +62,17 @@ std::string event_line(const Event& e) {
 }
 std::string event_line_with_id(const Event& e) { return event_line(e) + ", transaction " + e.when.tx_id; }
 
-/// What is never left out: who stopped a drone, who ended that, who took its lease away.
+/// Who stopped a drone, who ended that, who took its lease away: of drones that never flew, too.
+bool is_stop(const Event& e) { return std::ranges::find(stop_words, e.what) != stop_words.end(); }
+
+/// What is never left out.
 bool is_kept(const Event& e) {
-  return e.what == "cut" || std::ranges::find(kept_functions, e.what) != kept_functions.end();
+  return is_stop(e) || std::ranges::find(other_kept_words, e.what) != other_kept_words.end();
 }
 
-/// In the chain's order, as many as fit: what is kept before all else, enrolments and grants last.
+/// In the chain's order, as many as fit: what is kept in any case, enrolments last.
 std::string events_text(const FirstOnes<Event>& events, std::size_t max) {
-  const auto rank = [](const Event* e) {
-    return is_kept(*e) ? 0 : e->what == contract::enroll || e->what == contract::grant ? 2 : 1;
-  };
+  const auto rank = [](const Event* e) { return is_kept(*e) ? 0 : e->what == contract::enroll ? 2 : 1; };
   std::vector<const Event*> shown;
   for (const Event& event : events.all()) shown.push_back(&event);
   std::ranges::stable_sort(shown, {}, rank);
@@ -80,7 +82,7 @@ std::string events_text(const FirstOnes<Event>& events, std::size_t max) {
   std::string text;
   for (const Event* event : shown)
     text += fmt::format("    {}\n",
-                        is_kept(*event) || event->what == "landing" ? event_line_with_id(*event) : event_line(*event));
+                        is_stop(*event) || event->what == "landing" ? event_line_with_id(*event) : event_line(*event));
   return text + rest_text(events.count(), shown.size(), events.all().size());
 }
 
@@ -177,15 +179,16 @@ std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
   for (const auto& [name, drone] : report.drones()) {
     if (!asked.reports(name)) continue;
     const bool flew = drone.states > 0 || !drone.commands.empty();
-    const bool kept = std::ranges::any_of(drone.events.all(), is_kept);
-    if (!flew && !kept && drone.holders.count() == 0 && asked.drones.empty()) {
+    const bool stopped = std::ranges::any_of(drone.events.all(), is_stop);
+    if (!flew && !stopped && drone.holders.count() == 0 && asked.drones.empty()) {
       ++quiet;
     } else if (shown < max_drones || !asked.drones.empty()) {
       text += drone_text(name, drone) + (flew ? "" : fmt::format("    enrolled, but {}\n", never));
       ++shown;
     } else {
       ++beyond;
-      if (kept) text += fmt::format("\n  {}:\n", name) + events_text(drone.events, 0);
+      if (std::ranges::any_of(drone.events.all(), is_kept))
+        text += fmt::format("\n  {}:\n", name) + events_text(drone.events, 0);
     }
   }
   if (quiet > 0) text += fmt::format("\n  {} enrolled drones {}\n", quiet, never);
