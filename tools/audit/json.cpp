@@ -122,6 +122,9 @@ json to_json(const ChainAudit& audit, const AuditRequest& asked) {
                         {"why", r.why},
                         {"first", to_json(r.first)}});
   }
+  json anchors = to_json(report.anchors());
+  for (std::size_t i = 0; i < anchors.size(); ++i)
+    anchors[i]["before"] = report.anchors().all()[i].when.time_ns < asked.span.from_ns;
   for (const auto& [name, drone] : report.drones()) {
     if (asked.reports(name)) drones[name] = to_json(drone);
   }
@@ -151,7 +154,7 @@ json to_json(const ChainAudit& audit, const AuditRequest& asked) {
           {"to_s", seconds(report.last_ns())},
           {"functions", report.functions()},
           {"roles", to_json(report.roles())},
-          {"anchors", to_json(report.anchors())},
+          {"anchors", anchors},
           {"refusals", refusals},
           {"refusals_left_out", report.refusals_left_out()},
           {"drones", drones}};

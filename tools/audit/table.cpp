@@ -86,6 +86,17 @@ std::string events_text(const FirstOnes<Event>& events, std::size_t max) {
   return text + rest_text(events.count(), shown.size(), events.all().size());
 }
 
+std::string anchors_text(const FirstOnes<Event>& anchors, const TimeSpan& span) {
+  std::vector<Event> before, within;
+  for (const Event& anchor : anchors.all()) (anchor.when.time_ns < span.from_ns ? before : within).push_back(anchor);
+  std::string text;
+  if (!before.empty())
+    text += "  anchored before, and in force in that time:\n" + some(before, before.size(), event_line_with_id);
+  if (anchors.count() > before.size())
+    text += "  anchored:\n" + some(within, anchors.count() - before.size(), event_line_with_id);
+  return text;
+}
+
 std::string holder_line(const Tenure& t) {
   const std::string until = t.to ? fmt::format("to {} ({})", where(*t.to), t.ended_by) : "and holds it still";
   const std::string delegate = t.delegate.empty() ? "" : fmt::format(", commanded by {}", t.delegate);
@@ -171,8 +182,7 @@ std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
   for (const auto& [name, count] : report.functions()) functions += fmt::format(" {} {}", count, name);
   if (!functions.empty()) text += fmt::format("  valid{}:{}\n", counted, functions);
   text += some(report.roles().all(), report.roles().count(), event_line);
-  if (report.anchors().count() > 0)
-    text += "  anchored:\n" + some(report.anchors().all(), report.anchors().count(), event_line_with_id);
+  text += anchors_text(report.anchors(), asked.span);
   const std::string never =
       asked.span.is_from_the_start() && asked.span.is_to_the_end() ? "never flew" : "did not fly in that time";
   std::size_t shown = 0, quiet = 0, beyond = 0;

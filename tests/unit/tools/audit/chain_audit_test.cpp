@@ -123,6 +123,9 @@ TEST_F(ChainAuditTest, TellsOfApprovalsThatStandWhenTheSpanBegins) {
 
   const AuditRequest asked{"teleop", "memory", "anchor", {"tello1"}, span};
   EXPECT_THAT(to_table(audit, asked), HasSubstr("the whole chain: "));
+  EXPECT_THAT(to_table(audit, asked), HasSubstr("  anchored before, and in force in that time:\n    \"mission survey"));
+  EXPECT_THAT(to_table(audit, asked), ::testing::Not(HasSubstr("  anchored:\n")));
+  EXPECT_EQ(to_json(audit, asked)["anchors"][0]["before"], true);
   EXPECT_EQ(to_json(audit, asked)["asked"]["counted"], "in that time, of all drones");
   EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}), ::testing::Not(HasSubstr("the whole chain: ")));
 }
