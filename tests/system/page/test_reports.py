@@ -38,4 +38,5 @@ def test_the_pages_of_a_flight(tmp_path):
     ledgerline("audit", "--blocks", run, "--anchor", run / "ledger" / "teleop.block", "--html", tmp_path / "audit.html")
     audit = shown(tmp_path / "audit.html")
     assert re.search(r'<polyline points="[^" ]*,160 ', audit), "no commands before the first: 0"
+    assert re.search(r'id="plotted"><span><i[^>]*></i>tello1</span>', audit), "whose line it is"
     assert re.search(r"<td[^>]*>landing</td>.*?<td[^>]*>[0-9a-f]{64}</td>", audit), "a transaction's id"
