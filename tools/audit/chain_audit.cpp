@@ -90,6 +90,8 @@ Result<ChainAudit> ChainAudit::start(Trust trust, TimeSpan span) {
 
 void ChainAudit::find(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what) {
   ++counts_.findings;
+  if (const std::string prefix = fmt::format("block {}: ", next_); what.starts_with(prefix))
+    what.erase(0, prefix.size());
   if (findings_.size() < max_findings) findings_.push_back({next_, transaction, tx_id, printable(what)});
 }
 
@@ -173,9 +175,7 @@ void ChainAudit::validate_orderers(const common::Block& block) {
     return;
   }
   if (const Status status = orderers_->validate(block); !status) {
-    const std::string prefix = fmt::format("block {}: ", block.header().number());
-    const std::string& what = status.error().message;
-    find(std::nullopt, "", what.starts_with(prefix) ? what.substr(prefix.size()) : what);
+    find(std::nullopt, "", status.error().message);
   } else if (has_unsigned_bytes(block)) {
     find(std::nullopt, "", "there are bytes among its signatures that nobody has signed");
   }

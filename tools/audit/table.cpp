@@ -179,7 +179,11 @@ std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
         fmt::format("  {} to {} (UTC, as clients say)\n", time_text(report.first_ns()), time_text(report.last_ns()));
   if (c.without_flags > 0) text += fmt::format("  {} blocks have no flags to compare with\n", c.without_flags);
   std::string functions;
-  for (const auto& [name, count] : report.functions()) functions += fmt::format(" {} {}", count, name);
+  for (const auto& [name, count] : report.functions()) {
+    const bool of_others = name.ends_with(':');
+    functions += fmt::format("{} {} {}{}", functions.empty() ? "" : ",", count, of_others ? "of contract " : "",
+                             of_others ? name.substr(0, name.size() - 1) : name);
+  }
   if (!functions.empty()) text += fmt::format("  valid{}:{}\n", counted, functions);
   text += some(report.roles().all(), report.roles().count(), event_line);
   text += anchors_text(report.anchors(), asked.span);

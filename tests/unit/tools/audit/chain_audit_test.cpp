@@ -59,6 +59,7 @@ TEST_F(ChainAuditTest, NothingIsFoundInAnHonestChain) {
   EXPECT_THAT(to_table(audit, {"teleop", "memory", "anchor"}), EndsWith(verdict_text + "\n"));
   EXPECT_EQ(to_json(audit, {})["verdict"], verdict_text);
   EXPECT_EQ(to_json(audit, {})["newest_block"], last());
+  EXPECT_THAT(to_table(audit, {}), HasSubstr("  valid: 1 acquire, 3 command, 2 enroll, 1 grant\n"));
 }
 
 TEST_F(ChainAuditTest, LastBlocksThatWereLeftOutAreFoundByTheNewestHash) {
@@ -169,7 +170,8 @@ TEST_F(ChainAuditTest, DataThatNobodyFlaggedDifferentlyAreStillHeldAgainstTheirH
   block.mutable_data()->mutable_data()->RemoveLast();
   block.mutable_metadata()->mutable_metadata(common::TRANSACTIONS_FILTER)->pop_back();
   ledger.chain.back() = block.SerializeAsString();
-  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())), ElementsAre(HasSubstr("does not match its data hash")));
+  EXPECT_THAT(texts(audited(ledger.chain, ledger.trust())),
+              ElementsAre(fmt::format("block {}: its data does not match its data hash", last())));
 }
 
 TEST_F(ChainAuditTest, ABlockThatIsMissingIsFoundAndSaysWhere) {
