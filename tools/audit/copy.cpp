@@ -104,7 +104,7 @@ Result<Reading> read_folder(const std::string& folder, std::uint64_t newest, con
   for (std::uint64_t number = 0; number <= newest; ++number) {
     const auto block = read_file((fs::path(folder) / name_of(number)).string());
     if (!block) {
-      if (number == 0) return block.error();
+      if (newest == 0) return block.error();
       reading.problem = fmt::format("{}, and the copy goes on to block {}", block.error().message, newest);
       return reading;
     }

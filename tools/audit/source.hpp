@@ -25,7 +25,8 @@ struct Reading {
 
 /// A copy of a chain, which is never written to: the file of an embedded node's ledger (DIR/ledger/blocks, or the
 /// folder that it is in; the node must not be running), or a folder with one common.Block in each N.block, from 0.block
-/// on, as `peer channel fetch` and --save write them. An error: there is nothing of the kind.
+/// on, as `peer channel fetch` and --save write them. A block that is missing before others, the first too, ends the
+/// reading with a problem. An error: there is nothing of the kind.
 Result<Reading> read_copy(const std::string& path, const OnBlock& on_block);
 
 /// Writes block `number` into such a folder.

@@ -165,10 +165,11 @@ def test_each_changed_byte_of_header_data_or_signatures_is_found(written, copy, 
     assert audit("--blocks", tmp_path, "--anchor", written.anchor).returncode == 0
 
 
-def test_a_missing_block_is_found(written, copy, tmp_path):
-    (copy.changed(tmp_path, bytes) / "2.block").unlink()
+@pytest.mark.parametrize("number", [0, 2])
+def test_a_missing_block_is_found(written, copy, tmp_path, number):
+    (copy.changed(tmp_path, bytes) / f"{number}.block").unlink()
     done = audit("--blocks", tmp_path, "--anchor", written.anchor)
-    assert done.returncode == 1 and "first difference: block 2:" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 1 and f"first difference: block {number}:" in done.stdout, done.stdout + done.stderr
 
 
 def test_deleted_last_blocks_are_found_by_the_newest_hash(written, copy, tmp_path):

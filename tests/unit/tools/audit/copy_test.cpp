@@ -112,6 +112,12 @@ TEST_F(CopyTest, AGapInAFolderIsReportedAndNotPassedOver) {
   ASSERT_TRUE(reading);
   EXPECT_THAT(blocks, ElementsAre("0", "1"));
   EXPECT_THAT(reading->problem, HasSubstr("the copy goes on to block 3"));
+  fs::remove(folder + "/0.block");
+  blocks.clear();
+  const auto without_first = read(folder);
+  ASSERT_TRUE(without_first) << without_first.error().message;
+  EXPECT_EQ(without_first->blocks, 0U);
+  EXPECT_THAT(without_first->problem, HasSubstr("0.block"));
 }
 
 TEST_F(CopyTest, AFlightsFolderOnFabricIsNoneAndSaysHowToMakeOne) {
