@@ -150,9 +150,10 @@ Result<ClientConfig> load_ledger_config(const std::string& file) {
   return ledger;
 }
 
-Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
-  const crypto::Library verifier = library_of(config, verifier_key(), "libcrypto");
-  // All keys first: what is not asked for would be reported as unknown.
+namespace {
+
+/// All keys are asked for before a file is read: what is not asked for would be reported as unknown.
+Result<std::vector<crypto::MspRoot>> read_msps(Config& config) {
   std::vector<std::pair<std::string, std::string>> named;
   bool complete = true;
   const std::size_t count = config.table_count({"msp", "an organisation whose signatures are trusted; at least one"});
@@ -161,7 +162,6 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
                        config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority, with intermediates"}));
     complete = complete && !named.back().first.empty() && !named.back().second.empty();
   }
-  if (named.empty()) return Error{"the config names no organisation to trust; add [[msp]] with id and ca"};
   if (!complete) return incomplete;
   std::vector<crypto::MspRoot> roots;
   for (const auto& [id, path] : named) {
@@ -169,7 +169,29 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
     if (!pem) return Error{fmt::format("[[msp]] {}: {}", id, pem.error().message)};
     roots.push_back({id, std::move(*pem)});
   }
-  return crypto::make_msp_registry(verifier, std::move(roots));
+  return roots;
+}
+
+std::string authorities_of(const std::string& msp_id, const std::vector<crypto::MspRoot>& msps) {
+  std::string all;
+  for (const crypto::MspRoot& root : msps)
+    if (root.msp_id == msp_id) all += root.ca_pem + "\n";
+  return all;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
+  const crypto::Library verifier = library_of(config, verifier_key(), "libcrypto");
+  auto roots = read_msps(config);
+  if (!roots) return roots.error();
+  if (roots->empty()) return Error{"the config names no organisation to trust; add [[msp]] with id and ca"};
+  return crypto::make_msp_registry(verifier, std::move(*roots));
+}
+
+Result<std::vector<crypto::MspRoot>> load_msps(const std::string& file) {
+  auto config = Config::load(file);
+  return config ? read_msps(*config) : config.error();
 }
 
 namespace {
@@ -185,6 +207,25 @@ Result<ChannelConfig> channel_of(const ClientConfig& config) {
 }
 
 }  // namespace
+
+Status check_certificate_of(const std::string& msp_id, const std::string& certificate_pem, const ClientConfig& config,
+                            const std::vector<crypto::MspRoot>& msps) {
+  std::string authorities = authorities_of(msp_id, msps);
+  if (msp_id == config.identity_place.msp_id && !config.identity_place.msp_dir.empty()) {
+    const auto own = crypto::authorities_in(config.identity_place.msp_dir);
+    if (!own) return own.error();
+    authorities += *own;
+  }
+  if (authorities.empty() && !config.config_block.empty()) {
+    const auto channel = channel_of(config);
+    if (!channel) return channel.error();
+    authorities = authorities_of(msp_id, channel->organisations);
+  }
+  if (authorities.empty()) return done;
+  const Status issued = crypto::check_issued_by_any(authorities, certificate_pem);
+  if (issued) return done;
+  return Error{fmt::format("is no certificate of {}: {}", msp_id, issued.error().message)};
+}
 
 Result<TimeNs> apply_timeouts(ClientConfig& config) {
   if (!config.timeouts_of_channel) return TimeNs{0};

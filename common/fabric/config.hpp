@@ -1,6 +1,7 @@
 #pragma once
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
@@ -27,6 +28,15 @@ inline constexpr const char* blocks_not_validated =
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are trusted, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);
+
+/// The organisations of the [[msp]] tables of a file for load_ledger_config(); empty where it has no such table.
+Result<std::vector<crypto::MspRoot>> load_msps(const std::string& file);
+
+/// An error, which says whose authority issued it: the certificate cannot be one of this organisation. Its authorities
+/// are those of `msps`, and of our own organisation those in msp_dir; where neither knows any: of config_block. Done
+/// where no authority of it is known.
+Status check_certificate_of(const std::string& msp_id, const std::string& certificate_pem, const ClientConfig& config,
+                            const std::vector<crypto::MspRoot>& msps);
 
 /// Adds to the config's deadline, and returns, what `timeouts` of [ledger] adds to limits of time: 0 where it is fixed.
 /// Of config_block where there is one, so that no peer can lengthen them, else of the peer, which must answer then.

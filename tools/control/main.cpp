@@ -10,6 +10,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/base/nearest_word.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/calls/repeat.hpp"
 #include "common/fabric/client/client.hpp"
@@ -47,6 +48,27 @@ Result<std::string> subject_of(const std::string& path) {
   const auto certificate = crypto::parse_certificate(*pem);
   if (!certificate) return Error{path + ": " + certificate.error().message};
   return certificate->subject;
+}
+
+/// Whether --msp and --cert name somebody who can exist. The contract takes any name of an organisation and any
+/// subject.
+Status check_named(const Options& options, const fabric::ClientConfig& ledger) {
+  if (options.function != contract::enroll && options.function != contract::grant) return done;
+  const auto msps = fabric::load_msps(options.config);
+  if (!msps) return msps.error();
+  std::vector<std::string> known;
+  for (const crypto::MspRoot& msp : *msps) known.push_back(msp.msp_id);
+  if (!known.empty() && options.msp != ledger.identity.name.msp_id && std::ranges::count(known, options.msp) == 0) {
+    const std::string near = nearest_word(options.msp, known);
+    return Error{fmt::format("{}: --msp {}: {} has no [[msp]] of that name{}", options.function, options.msp,
+                             options.config, near.empty() ? "" : "; did you mean " + near + "?")};
+  }
+  if (options.certificate.empty()) return done;
+  const auto pem = read_file(options.certificate);
+  if (!pem) return pem.error();
+  const Status issued = fabric::check_certificate_of(options.msp, *pem, ledger, *msps);
+  if (issued) return done;
+  return Error{fmt::format("{}: {} {}", options.function, options.certificate, issued.error().message)};
 }
 
 /// The identity of a certificate file, or of nobody where no file is named.
@@ -213,6 +235,24 @@ Status show_records(fabric::Client& client, const Options& options) {
   return print_line(to_json(all)), done;
 }
 
+/// A line for each drone whose host is another than `host`, which is about to be its host.
+std::string hosts_before(fabric::Client& client, const Options& options, const Identity& host) {
+  std::string lines;
+  const auto add = [&](const Asset& asset) -> Status {
+    Control before;
+    if (auto status = parse_message(asset.msg_data(), before); !status) return status;
+    const Identity& owner = before.owner();
+    const bool is_host = owner.msp_id() == host.msp_id() && owner.subject() == host.subject();
+    if (!before.has_owner() || is_host || std::ranges::count(options.drones, before.drone()) == 0) return done;
+    lines += fmt::format("{}: host was {} of {}\n", before.drone(), owner.subject(), owner.msp_id());
+    return done;
+  };
+  // What cannot be read is not told: whether the drones can be enrolled is for the ledger to say.
+  (void)verification::read_all(
+      "control", [&](const fabric::Call& call) { return client.evaluate(call); }, add);
+  return lines;
+}
+
 bool changes_records(const fabric::Block& block) {
   return std::ranges::any_of(
       block.transactions, [](const auto& tx) { return tx.code == 0 && verification::is_control_event(tx.event_name); });
@@ -246,6 +286,7 @@ Status show_live(fabric::Client& client, const Options& options) {
 }
 
 Status call_contract(const Options& options, fabric::ClientConfig ledger) {
+  if (auto status = check_named(options, ledger); !status) return status;
   const std::string own_msp_id = ledger.identity.name.msp_id;
   auto client = fabric::Client::create(verification::for_contract(std::move(ledger)));
   if (!client) return client.error();
@@ -257,11 +298,17 @@ Status call_contract(const Options& options, fabric::ClientConfig ledger) {
     if (auto status = parse_message(call->args[0], asked); !status) return status;
     return print_anchors(**client, std::move(asked), options.file + options.digest);
   }
+  std::string before;
+  if (options.function == contract::enroll && !options.drones.empty()) {
+    const auto host = identity_of(options);
+    if (!host) return host.error();
+    before = hosts_before(**client, options, *host);
+  }
   const fabric::Outcome outcome = submit(**client, options, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", options.function, outcome.message)};
   if (options.function == contract::anchor) return fmt::print("{}\n", outcome.tx_id), done;
-  fmt::print(stderr, "transaction {}\n", outcome.tx_id);  // beside the JSON
+  fmt::print(stderr, "{}transaction {}\n", before, outcome.tx_id);  // beside the JSON
   if (options.function == contract::unclaim) return done;
   return options.function == contract::stop ? print_answer<Stops>(outcome.answer)
                                             : print_answer<Controls>(outcome.answer);
@@ -304,7 +351,9 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
       add(contract::enroll, "bind drones to the identity of their host, or give an identity a role (administrators)");
   enroll.option("--role", options.role, "what else it may do").one_of({"operator", "supervisor"});
   enroll.option("--msp", options.msp, "MSP id of the host").required();
-  enroll.option("--cert", options.certificate, "certificate of the host, PEM").required().existing_file();
+  enroll.option("--cert", options.certificate, "certificate of the host, PEM, by an authority of that organisation")
+      .required()
+      .existing_file();
   Verb revoke = line.verb(
       contract::revoke, "take an identity's role back: from that block on nobody flies what it says (administrators)");
   revoke.option("--msp", options.msp, "MSP id of the identity").required();

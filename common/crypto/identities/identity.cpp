@@ -144,6 +144,23 @@ Result<SigningIdentity> load(Library library, const std::string& msp_id, const I
 
 }  // namespace
 
+Result<std::string> authorities_in(const std::string& msp_dir) {
+  std::string all;
+  for (const char* folder : {"cacerts", "intermediatecerts"}) {
+    std::error_code error;
+    const fs::path place = fs::path(msp_dir) / folder;
+    for (fs::directory_iterator at(place, error), end; !error && at != end; at.increment(error)) {
+      if (at->path().filename().string().starts_with('.')) continue;
+      std::string pem;
+      if (auto s = read_file(at->path(), false, pem); !s) return s.error();
+      all += pem + "\n";
+    }
+    if (error && error != std::errc::no_such_file_or_directory)
+      return Error{fmt::format("cannot read folder {}: {}", place.string(), error.message())};
+  }
+  return all;
+}
+
 Result<std::string> certificate_file(const std::string& msp_dir) {
   return file_in(fs::path(msp_dir) / "signcerts", ".pem", "tls.crt");
 }

@@ -64,11 +64,11 @@ class People:
     def __init__(self, directory: pathlib.Path, ledgers: Ledgers):
         self.directory, self.ledgers = directory, ledgers
 
-    def control(self, channel: str, organisation: int, user: str, *words) -> subprocess.CompletedProcess:
+    def control(self, channel: str, organisation: int, user: str, *words, whole: bool = False) -> subprocess.CompletedProcess:
         file = self.directory / f"control-{channel}-{organisation}-{user}.toml"
         text = (self.ledgers.yard_tables(organisation, user) if channel == "yard"
                 else tables(self.ledgers.teleop, organisation, user, endorsers=True))
-        file.write_text(text.split("[[msp]]")[0])
+        file.write_text(text if whole else text.split("[[msp]]")[0])
         return subprocess.run([BIN / "ledgerline", "control", "--config", file, *words], capture_output=True, text=True, timeout=60)
 
     def done(self, *words) -> str:
@@ -200,6 +200,32 @@ def test_a_start_without_one_channel_flies_the_drones_of_the_other_which_join_la
 
 
 @only_long
+def test_nobody_is_enrolled_or_granted_anything_who_cannot_exist(tmp_path):
+    ledgers = Ledgers(tmp_path, False)
+    people = People(tmp_path, ledgers)
+
+    def enroll(cert: pathlib.Path):
+        return people.control("teleop", 1, "Admin", "enroll", "--msp", "Org1MSP", "--cert", cert, "tello20")
+
+    try:
+        refused = enroll(people.cert(2, "User1"))
+        assert refused.returncode == 1 and "is no certificate of Org1MSP: it was issued by " in refused.stderr, refused.stderr
+        assert "ca.org2.ledgerline" in refused.stderr
+        first, second = enroll(people.cert(1, "User1")), enroll(people.cert(1, "User2"))
+        assert first.returncode == second.returncode == 0, first.stderr + second.stderr
+        assert "host was" not in first.stderr and re.search("tello20: host was .*User1@org1.ledgerline.* of Org1MSP", second.stderr)
+        assert json.loads(second.stdout)
+
+        grant = ("teleop", 1, "Admin", "grant", "--fly", "tello20", "--msp")
+        misspelt = people.control(*grant, "Org2MPS", whole=True)
+        assert misspelt.returncode == 1 and "did you mean Org2MSP?" in misspelt.stderr, misspelt.stderr
+        foreign = people.refused(*grant, "Org2MSP", "--cert", people.cert(1, "User1"))
+        assert "is no certificate of Org2MSP" in foreign, "by the authorities in the config block"
+        assert people.control(*grant, "Org2MSP", "--cert", people.cert(2, "User1"), whole=True).returncode == 0
+    finally:
+        ledgers.stop()
+
+
 def test_a_drone_that_is_enrolled_late_ends_no_agent_and_joins(tmp_path):
     ledgers = Ledgers(tmp_path, fabric=False)
     people = People(tmp_path, ledgers)

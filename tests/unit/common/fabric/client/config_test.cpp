@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "common/base/file.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 
 namespace ledgerline::fabric {
@@ -93,6 +94,42 @@ TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
                     .value();
   EXPECT_NE(ledger_config(config).error().message.find("/nowhere/signcerts"), std::string::npos);
   EXPECT_NE(msp_registry(config).error().message.find("/no-ca.pem"), std::string::npos);
+}
+
+TEST_F(LedgerConfig, ACertificateIsOfTheOrganisationWhoseAuthorityIssuedIt) {
+  const auto other_ca = crypto::make_ca("ca.org2", "org2").value();
+  const auto of = [](const crypto::KeyAndCertificate& ca) {
+    return crypto::issue(ca, {.common_name = "pilot", .organization = "", .unit = "client", .sans = {}})
+        .value()
+        .certificate_pem;
+  };
+  const std::string file = dir_ + "/admin.toml";
+  ASSERT_TRUE(write_file(file, ledger()));
+  const auto client = load_ledger_config(file).value();
+  ASSERT_TRUE(load_msps(file));
+  EXPECT_TRUE(load_msps(file)->empty());
+  EXPECT_TRUE(check_certificate_of("Org1MSP", of(other_ca), client, {})) << "no authority is known";
+
+  std::filesystem::create_directories(dir_ + "/msp/cacerts");
+  ASSERT_TRUE(write_file(dir_ + "/msp/cacerts/ca.pem", ca_.certificate_pem));
+  EXPECT_TRUE(check_certificate_of("Org1MSP", of(ca_), client, {}));
+  const auto refused = check_certificate_of("Org1MSP", of(other_ca), client, {});
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("is no certificate of Org1MSP: it was issued by CN=ca.org2"),
+            std::string::npos)
+      << refused.error().message;
+  EXPECT_TRUE(check_certificate_of("Org2MSP", of(ca_), client, {})) << "of that one none is known";
+  std::filesystem::create_directories(dir_ + "/msp/intermediatecerts");
+  ASSERT_TRUE(write_file(dir_ + "/msp/intermediatecerts/ca.pem", other_ca.certificate_pem));
+  EXPECT_TRUE(check_certificate_of("Org1MSP", of(other_ca), client, {}));
+
+  ASSERT_TRUE(write_file(file, ledger() + msp()));
+  auto msps = load_msps(file).value();
+  ASSERT_EQ(msps.size(), 1U);
+  EXPECT_EQ(msps[0].msp_id, "Org1MSP");
+  msps.push_back({"Org2MSP", other_ca.certificate_pem});
+  EXPECT_TRUE(check_certificate_of("Org2MSP", of(other_ca), client, msps));
+  EXPECT_FALSE(check_certificate_of("Org2MSP", of(ca_), client, msps));
 }
 
 TEST(Timeouts, IsTwiceABlocksWaitWhereBlocksWait) {
