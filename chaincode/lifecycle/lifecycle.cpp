@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <chrono>
+#include <filesystem>
 #include <random>
 #include <thread>
 
@@ -217,8 +218,17 @@ std::string quoted(const std::string& text) {
   return out + "'";
 }
 
+/// The `peer` program counts a relative path from FABRIC_CFG_PATH, and ours from the working folder.
+std::string quoted_path(const std::string& path) {
+  return quoted(path.empty() ? path : std::filesystem::absolute(path).lexically_normal().string());
+}
+
 std::string exported(const std::string& name, const std::string& value) {
   return fmt::format("export {}={}\n", name, quoted(value));
+}
+
+std::string exported_path(const std::string& name, const std::string& path) {
+  return fmt::format("export {}={}\n", name, quoted_path(path));
 }
 
 }  // namespace
@@ -226,13 +236,13 @@ std::string exported(const std::string& name, const std::string& value) {
 std::string PeerCommands::environment() const {
   std::string out =
       exported("CORE_PEER_TLS_ENABLED", "true") + exported("CORE_PEER_LOCALMSPID", client.identity.name.msp_id) +
-      exported("CORE_PEER_MSPCONFIGPATH", msp_dir.empty() ? "MSP_DIR" : msp_dir) +
-      exported("CORE_PEER_ADDRESS", client.endpoint) + exported("CORE_PEER_TLS_ROOTCERT_FILE", client.tls_ca_file);
+      exported_path("CORE_PEER_MSPCONFIGPATH", msp_dir.empty() ? "MSP_DIR" : msp_dir) +
+      exported("CORE_PEER_ADDRESS", client.endpoint) + exported_path("CORE_PEER_TLS_ROOTCERT_FILE", client.tls_ca_file);
   if (!client.server_name.empty()) out += exported("CORE_PEER_TLS_SERVERHOSTOVERRIDE", client.server_name);
   if (!client.tls_pair.key_file.empty()) {
     out += exported("CORE_PEER_TLS_CLIENTAUTHREQUIRED", "true") +
-           exported("CORE_PEER_TLS_CLIENTCERT_FILE", client.tls_pair.certificate_file) +
-           exported("CORE_PEER_TLS_CLIENTKEY_FILE", client.tls_pair.key_file);
+           exported_path("CORE_PEER_TLS_CLIENTCERT_FILE", client.tls_pair.certificate_file) +
+           exported_path("CORE_PEER_TLS_CLIENTKEY_FILE", client.tls_pair.key_file);
   }
   return out;
 }
@@ -245,12 +255,12 @@ std::string PeerCommands::to_orderer() const {
   const bool known = !client.orderers.empty();
   const fabric::ClientConfig::Server orderer =
       known ? client.orderers.front() : fabric::ClientConfig::Server{"ORDERER:7050", "ORDERER_TLS_CA.pem"};
-  std::string out = fmt::format("-o {} --tls --cafile {}", quoted(orderer.endpoint), quoted(orderer.tls_ca_file));
+  std::string out = fmt::format("-o {} --tls --cafile {}", quoted(orderer.endpoint), quoted_path(orderer.tls_ca_file));
   if (!orderer.server_name.empty()) out += " --ordererTLSHostnameOverride " + quoted(orderer.server_name);
   const auto& pair = orderer.tls_pair.key_file.empty() ? client.tls_pair : orderer.tls_pair;
   if (!pair.key_file.empty())
-    out +=
-        fmt::format(" --clientauth --certfile {} --keyfile {}", quoted(pair.certificate_file), quoted(pair.key_file));
+    out += fmt::format(" --clientauth --certfile {} --keyfile {}", quoted_path(pair.certificate_file),
+                       quoted_path(pair.key_file));
   return out;
 }
 
@@ -270,13 +280,13 @@ std::string PeerCommands::approve(const Definition& definition, const std::strin
 
 std::string PeerCommands::commit(const Definition& definition) const {
   std::string out = fmt::format("peer lifecycle chaincode commit {} {} --peerAddresses {} --tlsRootCertFiles {}",
-                                to_orderer(), of(definition), quoted(client.endpoint), quoted(client.tls_ca_file));
+                                to_orderer(), of(definition), quoted(client.endpoint), quoted_path(client.tls_ca_file));
   for (const auto& endorser : client.endorsers) {
     if (endorser.endpoint == client.endpoint) continue;
     out += fmt::format(" --peerAddresses {} --tlsRootCertFiles {}", quoted(endorser.endpoint),
-                       quoted(endorser.tls_ca_file));
+                       quoted_path(endorser.tls_ca_file));
   }
-  if (client.endorsers.empty()) out += " --peerAddresses OTHER_PEER:7051 --tlsRootCertFiles OTHER_PEER_TLS_CA.pem";
+  if (client.endorsers.empty()) out += " --peerAddresses OTHER_PEER:7051 --tlsRootCertFiles $PWD/OTHER_PEER_TLS_CA.pem";
   return out + "\n";
 }
 

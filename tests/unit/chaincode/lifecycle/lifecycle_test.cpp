@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "peer/policy.pb.h"
 
 namespace ledgerline::chaincode_lifecycle {
@@ -50,21 +52,26 @@ TEST(Fitness, APolicyOfItsOwnCounts) {
 TEST(PeerCommands, SayWhatTheProgramWouldDo) {
   fabric::ClientConfig client;
   client.endpoint = "peer0.org1.example.com:7051";
-  client.tls_ca_file = "it's.pem";
-  client.tls_pair = {"own.crt", "own.key"};
+  client.tls_ca_file = "/it's.pem";
+  client.tls_pair = {"/own.crt", "own.key"};
   client.where = {"mychannel", "drones"};
   client.identity.name.msp_id = "Org1MSP";
-  client.orderers = {{"orderer.example.com:7050", "orderer.pem", "other.name"}};
-  client.endorsers = {{"Org1MSP", client.endpoint, "it's.pem"}, {"Org2MSP", "peer0.org2.example.com:9051", "two.pem"}};
+  client.orderers = {{"orderer.example.com:7050", "/orderer.pem", "other.name"}};
+  client.endorsers = {{"Org1MSP", client.endpoint, "/it's.pem"},
+                      {"Org2MSP", "peer0.org2.example.com:9051", "/two.pem"}};
   const PeerCommands commands{client, "msp"};
-  EXPECT_THAT(commands.environment(), HasSubstr("export CORE_PEER_TLS_ROOTCERT_FILE='it'\\''s.pem'\n"));
-  EXPECT_THAT(commands.environment(), HasSubstr("export CORE_PEER_TLS_CLIENTKEY_FILE='own.key'\n"));
+  const std::string key = std::filesystem::absolute("own.key");
+  EXPECT_THAT(commands.environment(), HasSubstr("export CORE_PEER_TLS_ROOTCERT_FILE='/it'\\''s.pem'\n"));
+  EXPECT_THAT(commands.environment(), HasSubstr("export CORE_PEER_TLS_CLIENTKEY_FILE='" + key + "'\n"))
+      << "`peer` would look below FABRIC_CFG_PATH";
   EXPECT_EQ(commands.approve({"2", 1}, "ledgerline_1:00", ""),
-            "peer lifecycle chaincode approveformyorg -o 'orderer.example.com:7050' --tls --cafile 'orderer.pem' "
-            "--ordererTLSHostnameOverride 'other.name' --clientauth --certfile 'own.crt' --keyfile 'own.key' "
-            "--channelID 'mychannel' --name 'drones' --version '2' --sequence 1 --package-id 'ledgerline_1:00'\n");
+            "peer lifecycle chaincode approveformyorg -o 'orderer.example.com:7050' --tls --cafile '/orderer.pem' "
+            "--ordererTLSHostnameOverride 'other.name' --clientauth --certfile '/own.crt' --keyfile '" +
+                key +
+                "' "
+                "--channelID 'mychannel' --name 'drones' --version '2' --sequence 1 --package-id 'ledgerline_1:00'\n");
   EXPECT_THAT(commands.commit({"2", 1}),
-              HasSubstr("--peerAddresses 'peer0.org2.example.com:9051' --tlsRootCertFiles 'two.pem'"));
+              HasSubstr("--peerAddresses 'peer0.org2.example.com:9051' --tlsRootCertFiles '/two.pem'"));
 }
 
 }  // namespace
