@@ -77,10 +77,7 @@ Result<init::ProfilePlan> plan_by_profile(const Options& options) {
   for (const init::HostDrone& drone : *drones)
     if (!drone.address.empty()) planned->plan.drones.push_back(drone);
   planned->plan.all_drones = std::move(*drones);
-  if (!options.direct) {
-    planned->plan.orderers.clear();
-    planned->plan.peers.clear();
-  }
+  if (!options.direct) planned->plan.orderers.clear();
   return planned;
 }
 

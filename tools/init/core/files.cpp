@@ -50,6 +50,14 @@ std::string block_of(const HostPlan& plan, const std::string& channel) {
                                                                   : fmt::format("{}/{}.block", folders.config, channel);
 }
 
+/// Whose verdicts a receipt has: a peer of each organisation, of our own the one that serves the channel.
+std::vector<Server> peers_of(const HostPlan& plan, const std::string& channel) {
+  std::vector<Server> peers = plan.peers;
+  for (Server& peer : peers)
+    if (peer.msp_id == plan.msp_id) peer = plan.own_of(channel);
+  return peers;
+}
+
 /// `follows`: the program reads blocks, so that it must know whom to trust.
 LedgerAccess access_of(const HostPlan& plan, const std::string& channel, bool follows) {
   LedgerAccess access{.peer = plan.own_of(channel),
@@ -60,7 +68,10 @@ LedgerAccess access_of(const HostPlan& plan, const std::string& channel, bool fo
                       .msp_id = plan.msp_id,
                       .msp_dir = plan.folders.msp(),
                       .config_block = block_of(plan, channel)};
-  if (!follows) return access;
+  if (!follows) {
+    access.endorsers = peers_of(plan, channel);
+    return access;
+  }
   access.timeouts = plan.timeouts;
   access.orderers = plan.orderers;
   if (!plan.orderers.empty()) access.endorsers = plan.peers;

@@ -57,8 +57,8 @@ struct HostPlan {
   std::vector<std::string> more_channels{};  ///< that drones are on, too
   Server own{};                              ///< whom its programs ask
   std::map<std::string, Server> own_on{};    ///< the same by channel, where that is said; no endpoint: nobody serves it
-  std::vector<Server> peers{};               ///< of each organisation, for the direct path; empty: it is not used
-  std::vector<Server> orderers{};            ///< likewise
+  std::vector<Server> peers{};               ///< of each organisation, for receipts and the direct path
+  std::vector<Server> orderers{};            ///< for the direct path; empty: it is not used
   std::vector<std::string> msp_ids{};        ///< of all organisations
   std::vector<HostDrone> drones{};           ///< that this host flies
   std::vector<HostDrone> all_drones{};       ///< that ground commands

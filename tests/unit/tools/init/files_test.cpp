@@ -326,7 +326,6 @@ HostPlan of_profile(const std::vector<HostDrone>& flown, const std::vector<std::
   planned->plan.drones = flown;
   planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
   planned->plan.orderers.clear();
-  planned->plan.peers.clear();
   const Status added = add_channels(planned->plan, channels);
   EXPECT_TRUE(added) << added.error().message;
   return planned->plan;
@@ -346,6 +345,14 @@ TEST(InitProfile, NamesForEachChannelThePeerThatServesIt) {
   expect_readable("control", text_of(ground, "operator-yard.toml"));
   EXPECT_THAT(text_of(ground, "operator.toml"), HasSubstr("endpoint = \"a:7051\""));
   EXPECT_THAT(text_of(ground, "operator-yard.toml"), HasSubstr("endpoint = \"b:7051\""));
+  EXPECT_THAT(without_comments(text_of(ground, "ground.toml")), Not(HasSubstr("[[endorser]]"))) << "the gateway";
+  for (const auto& [file, own] : {std::pair{"operator.toml", "a"}, std::pair{"operator-yard.toml", "b"}}) {
+    const std::string operator_file = without_comments(text_of(ground, file));  // of which receipts are made
+    EXPECT_THAT(operator_file,
+                HasSubstr(std::string("[[endorser]]\nmsp_id = \"Org1MSP\"\nendpoint = \"") + own + ":7051\"\n"));
+    EXPECT_THAT(operator_file, HasSubstr("[[endorser]]\nmsp_id = \"Org2MSP\"\nendpoint = \"c:7051\"\n"));
+    EXPECT_THAT(operator_file, Not(HasSubstr("[[orderer]]")));
+  }
   const HostPlan yard_alone = of_profile({{"tello2", "10.0.0.8", 2}}, {"yard=tello2"});
   const std::string of_yard = text_of(*files_of(Role::drone_host, yard_alone), "agent.toml");
   expect_readable("agent", of_yard);
