@@ -122,8 +122,10 @@ void role_options(CommandLine& line, Options& options) {
           "NAME=DRONE,DRONE: a further channel of Fabric, and who is on it; its anchor is OUT/NAME.block. NAME: the "
           "first, where a profile has several")
       .one_at_a_time();
-  line.flag("--direct", options.direct,
-            "with --profile: past the gateway, where the contract's policy is not a majority's");
+  line.flag(
+      "--direct", options.direct,
+      "with --profile: agent, ground and bridge go the direct path, by [[orderer]] and [[endorser]] of the profile; "
+      "where `ledgerline contract status` says `direct path yes`");
   line.option("--out", options.out, "where the configs are written, and the files that they name lie")
       .utf8_path()
       .shows_default();
