@@ -115,6 +115,7 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
     *call.mutable_identity() = *identity;
     if (options.role == "operator") call.set_role(OPERATOR);
     if (options.role == "supervisor") call.set_role(SUPERVISOR);
+    if (options.role == "auditor") call.set_role(AUDITOR);
     return call_with(call);
   }
   if (options.function == contract::revoke) {
@@ -349,7 +350,8 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   };
   Verb enroll =
       add(contract::enroll, "bind drones to the identity of their host, or give an identity a role (administrators)");
-  enroll.option("--role", options.role, "what else it may do").one_of({"operator", "supervisor"});
+  enroll.option("--role", options.role, "what else it may do; an auditor commands nothing, whatever it is granted")
+      .one_of({"operator", "supervisor", "auditor"});
   enroll.option("--msp", options.msp, "MSP id of the host").required();
   enroll.option("--cert", options.certificate, "certificate of the host, PEM, by an authority of that organisation")
       .required()

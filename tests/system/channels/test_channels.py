@@ -222,6 +222,12 @@ def test_nobody_is_enrolled_or_granted_anything_who_cannot_exist(tmp_path):
         foreign = people.refused(*grant, "Org2MSP", "--cert", people.cert(1, "User1"))
         assert "is no certificate of Org2MSP" in foreign, "by the authorities in the config block"
         assert people.control(*grant, "Org2MSP", "--cert", people.cert(2, "User1"), whole=True).returncode == 0
+
+        people.enroll_operator("teleop", 1)
+        people.done("teleop", 1, "User2", "acquire", "tello20")
+        people.done("teleop", 1, "User2", "release", "tello20")
+        people.done("teleop", 1, "Admin", "enroll", "--msp", "Org1MSP", "--cert", people.cert(1, "User2"), "--role", "auditor")
+        assert "is neither operator nor supervisor" in people.refused("teleop", 1, "User2", "acquire", "tello20")
     finally:
         ledgers.stop()
 
