@@ -36,7 +36,7 @@ constexpr const char* notes = R"(Examples:
 --config names a TOML file with [ledger] as other programs have it, with the administrator's identity; in its place stand
 --endpoint, --tls-ca, --msp-id, --msp-dir and so on. The service is started with the package's id:
   CHAINCODE_ID=ID CHAINCODE_SERVER_ADDRESS=0.0.0.0:9999 CHAINCODE_TLS_KEY=... CHAINCODE_TLS_CERT=... ledgerline-chaincode
-Exit codes: 0 done, or done already; 1 failed; 2 wrong usage.)";
+Exit codes: 0 done, or done already; 1 failed, or of `status`: the service does not answer; 2 wrong usage.)";
 
 struct Options {
   std::string config, endpoint, tls_ca, server_name, tls_certificate, tls_key, msp_id, msp_dir;
@@ -89,11 +89,21 @@ Result<std::string> installed_id(const std::string& bytes, Lifecycle& lifecycle)
   return std::string();
 }
 
+/// Why this makes no sense for the verb; empty: it does.
+std::string nonsense(const Options& options, const std::string& verb) {
+  if (verb == "package") {
+    if (!is_label(options.label)) return "--label: a-z, A-Z and 0-9, inside also _ . + -";
+    if (Status s = check_endpoint(options.address); !s) return "--address " + s.error().message;
+    if (options.client_certificate.empty() != options.client_key.empty())
+      return "--client-certificate and --client-key belong together";
+  }
+  if (verb == "install" && options.package.empty()) return which_package;
+  if (verb == "approve" && options.package.empty() && options.id.empty())
+    return std::string(which_package) + ", or --package-id LABEL:HASH";
+  return "";
+}
+
 Status make(const Options& options) {
-  if (!is_label(options.label)) return Error{"--label: a-z, A-Z and 0-9, inside also _ . + -"};
-  if (Status s = check_endpoint(options.address); !s) return Error{"--address " + s.error().message};
-  if (options.client_certificate.empty() != options.client_key.empty())
-    return Error{"--client-certificate and --client-key belong together"};
   ServicePlace place{.address = options.address, .client_auth = options.client_auth || !options.client_key.empty()};
   const auto take = [](const std::string& path, std::string& into) -> Status {
     if (path.empty()) return done;
@@ -126,7 +136,6 @@ Status make(const Options& options) {
 }
 
 Status install(const Options& options, Lifecycle& lifecycle) {
-  if (options.package.empty()) return Error{which_package};
   const auto bytes = read_file(options.package);
   if (!bytes) return bytes.error();
   auto id = installed_id(*bytes, lifecycle);
@@ -152,7 +161,6 @@ Result<std::string> id_to_approve(const Options& options, Lifecycle& lifecycle) 
       return Error{"this peer has not installed " + options.id + install_first};
     return options.id;
   }
-  if (options.package.empty()) return Error{std::string(which_package) + ", or --package-id LABEL:HASH"};
   const auto bytes = read_file(options.package);
   if (!bytes) return bytes.error();
   auto id = installed_id(*bytes, lifecycle);
@@ -257,7 +265,8 @@ void print_service(const nlohmann::json& service) {
                service["cure"].get<std::string>());
 }
 
-Status status(const Options& options, Lifecycle& lifecycle) {
+/// False: the service does not answer.
+Result<bool> status(const Options& options, Lifecycle& lifecycle) {
   const auto installed = lifecycle.installed();
   const auto committed = lifecycle.committed();
   const auto channel = lifecycle.channel();
@@ -290,9 +299,10 @@ Status status(const Options& options, Lifecycle& lifecycle) {
     if (approvals)
       out["next"] = {{"version", definition.version}, {"sequence", definition.sequence}, {"approvals", *approvals}};
   }
+  const bool answers = !*committed || out["committed"]["service"]["answers"].get<bool>();
   if (options.json) {
     fmt::print("{}\n", out.dump());
-    return done;
+    return answers;
   }
   for (const auto& one : out.value("installed", nlohmann::json::array()))
     fmt::print("installed   {}\n", one.get<std::string>());
@@ -317,33 +327,36 @@ Status status(const Options& options, Lifecycle& lifecycle) {
   if (channel->batching)
     fmt::print("blocks      {:g} s behind their first transaction, or at {} transactions\n",
                to_seconds(channel->batching->timeout_ns), channel->batching->max_messages);
-  return done;
+  return answers;
 }
 
-Status print_commands(const Options& options, const std::string& verb, const fabric::ClientConfig& client) {
+void print_commands(const Options& options, const std::string& verb, const fabric::ClientConfig& client) {
   const PeerCommands commands{client, client.identity_place.msp_dir};
   const Definition definition{options.version, static_cast<std::int64_t>(std::max<std::uint64_t>(1, options.sequence))};
   std::string text;
   if (verb == "install") {
-    if (options.package.empty()) return Error{which_package};
     text = commands.install(options.package);
   } else if (verb == "approve") {
-    if (options.id.empty() && options.package.empty()) return Error{which_package};
     text = commands.approve(definition, options.id, options.package);
   } else {
     text = verb == "commit" ? commands.commit(definition) : commands.status();
   }
   fmt::print("{}{}", commands.environment(), text);
-  return done;
 }
 
-Status run(const Options& options, const std::string& verb, fabric::ClientConfig client) {
-  if (options.print) return print_commands(options, verb, client);
+Result<bool> run(const Options& options, const std::string& verb, fabric::ClientConfig client) {
+  if (options.print) {
+    print_commands(options, verb, client);
+    return true;
+  }
   auto lifecycle = Lifecycle::connect(std::move(client));
   if (!lifecycle) return lifecycle.error();
-  if (verb == "install") return install(options, *lifecycle);
-  if (verb == "approve") return approve(options, *lifecycle);
-  return verb == "commit" ? commit(options, *lifecycle) : status(options, *lifecycle);
+  if (verb == "status") return status(options, *lifecycle);
+  const Status ended = verb == "install"   ? install(options, *lifecycle)
+                       : verb == "approve" ? approve(options, *lifecycle)
+                                           : commit(options, *lifecycle);
+  if (!ended) return ended.error();
+  return true;
 }
 
 std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
@@ -409,6 +422,7 @@ int ledgerline::command::contract(int argc, char** argv) {
   for (const Verb& verb : verbs) {
     if (verb.is_given()) name = verb.name();
   }
+  if (const std::string why = nonsense(options, name); !why.empty()) return fail(Error{why}, exit_usage);
   if (name == "package") return exit_code(make(options));
   if (name == "rules") return fmt::print("{}", access::access_page()), 0;
   auto client = client_of(options);

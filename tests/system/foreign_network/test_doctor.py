@@ -84,6 +84,9 @@ def tells_what_the_ledger_says(host: Host, network: Consortium) -> None:
         assert "contract_missing" in host.doctor()
     with network.without("service1"):
         assert "ledgerline-chaincode" in host.doctor()["contract_silent"]["cure"]
+        status = subprocess.run([BIN / "ledgerline", "contract", "status", "--config", ledger_file(network, 1, "Admin"), "--json"],
+                                capture_output=True, text=True, timeout=2 * TIMEOUT_S)
+        assert status.returncode == 1 and json.loads(status.stdout)["committed"]["service"]["answers"] is False, status
     operator, other = (ledger_file(network, 2, user) for user in ("User1", "Admin"))
     control(other, "enroll", "--msp", "Org2MSP", "--cert", network.users[2, "Admin"] / "msp/signcerts/cert.pem", "--role", "operator")
     control(other, "acquire", "tello1")

@@ -103,6 +103,14 @@ def test_a_config_that_is_missing_or_wrong_is_bad_usage(typed, tmp_path):
         assert refused.returncode == 2 and str(wrong) in refused.stdout + refused.stderr, (text, refused)
 
 
+@pytest.mark.parametrize("typed, says", [
+    ("contract install --endpoint a:1", "--package FILE"), ("contract approve --endpoint a:1 --print", "--package-id LABEL:HASH"),
+    ("contract package --address cc", "--address "), ("contract package --address cc:1 --label .x", "--label: ")])
+def test_what_a_step_of_the_lifecycle_lacks_is_bad_usage(typed, says, tmp_path):
+    refused = run("ledgerline", *typed.split())
+    assert refused.returncode == 2 and says in refused.stderr, refused
+
+
 @pytest.mark.parametrize("program", ["ledgerline node --dir none", "ledgerline fly --watch"])
 def test_an_address_that_is_none_is_bad_usage_and_its_option_is_named(program):
     for wrong in ("nowhere", "127.0.0.1:99999"):
