@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "common/msg/contract.hpp"
@@ -12,6 +14,12 @@
 namespace ledgerline::launcher {
 
 using nlohmann::json;
+
+namespace {
+
+constexpr TimeNs acquire_limit_ns = 5 * ns_per_s;  // a call's deadline
+
+}  // namespace
 
 Status FlightLedger::start() {
   std::vector<std::string> ledger{
@@ -105,10 +113,33 @@ Status FlightLedger::enroll_and_acquire() {
   }
   if (!options_.operators.empty()) return enroll_operators();
   if (acquires) {
-    if (auto s = programs_.run_to_end("control-acquire", acquire); !s) return s;
+    // Before: a Ctrl-C does not wait for the call, which may be on its way to the ledger.
+    if (network)
+      std::ranges::copy_if(drone_names(options_), std::back_inserter(acquired_), [this](const std::string& name) {
+        return preflight_.acquires(name) && !preflight_.is_held(name);
+      });
+    if (auto s = programs_.run_to_end("control-acquire", acquire); !s) {
+      if (!programs_.is_running("control-acquire")) acquired_.clear();  // refused
+      return s;
+    }
   }
   preflight_.acquired();
   return done;
+}
+
+void FlightLedger::give_back() {
+  if (acquired_.empty()) return;
+  // One that Ctrl-C did not wait for comes first, or it would take them again.
+  for (const TimeNs until_ns = monotonic_ns() + acquire_limit_ns;
+       programs_.is_running("control-acquire") && monotonic_ns() < until_ns;)
+    programs_.poll(50 * ns_per_ms);
+  std::vector<std::string> release{"--config", files_.config("operator"), "release"};
+  release.insert(release.end(), acquired_.begin(), acquired_.end());
+  const Status given = programs_.run_after_flight("control-release", release);
+  if (!given)
+    live_.print(fmt::format("Not given back: the lease of {}; `ledgerline control --config {} release` does. {}",
+                            fmt::join(acquired_, ", "), files_.config("operator"), given.error().message));
+  acquired_.clear();
 }
 
 // They take their drones at the page.

@@ -392,6 +392,7 @@ RunRecord Launcher::run() {
   record_.ok = status.ok();
   if (!status) record_.why = status.error().message;
   stop_all(programs_.has_succeeded(controller_));
+  ledger_.give_back();
   if (!runtime_folder_.empty()) unlink_station(runtime_folder_, files_.config(controller_));
   if (!programs_.has_succeeded("roudi")) remove_roudi_leftovers();
   return record_;

@@ -49,6 +49,8 @@ class Programs : public Children {
   Status check() const;
   Status wait_ready(const std::vector<std::string>& names);
   Status run_to_end(const std::string& name, std::vector<std::string> arguments);
+  /// The same when the flight is over, which Ctrl-C has ended perhaps.
+  Status run_after_flight(const std::string& name, std::vector<std::string> arguments);
 
   bool is_ready(const std::string& name) const { return ready_.contains(name); }
   bool is_impatient() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
@@ -61,6 +63,7 @@ class Programs : public Children {
 
  private:
   void on_output(const std::string& name, const std::string& line);
+  Status wait_for_end(const std::string& name, const std::string& when, const std::function<bool()>& gives_up);
 
   const Options& options_;
   const RunFiles& files_;
@@ -82,6 +85,8 @@ class FlightLedger {
   Status start();
   /// It is ready: configs for all, the endorser, the proxy, enrolments, leases.
   Status prepare();
+  /// On a network of others, once no program of the flight is left: the leases that prepare() acquired are free again.
+  void give_back();
   void set_records(const std::string& line) { records_ = line; }  ///< as control-show printed them
   SwitchService* switches() { return switches_.get(); }           ///< null: the page has none
   void end_switches() { switches_.reset(); }
@@ -100,6 +105,7 @@ class FlightLedger {
   Live& live_;
   const std::string program_ = ledger_program(options_);
   std::string records_;
+  std::vector<std::string> acquired_;  ///< drones of a network of others whose leases we did not have before
   std::unique_ptr<SwitchService> switches_;
 };
 

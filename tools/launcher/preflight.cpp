@@ -209,6 +209,12 @@ bool Preflight::acquires(const std::string& name) const {
   });
 }
 
+bool Preflight::is_held(const std::string& name) const {
+  return std::any_of(inputs_.drones.begin(), inputs_.drones.end(), [&](const DroneInputs& drone) {
+    return drone.name == name && drone.lease && drone.lease->control && drone.lease->control->has_holder();
+  });
+}
+
 Status Preflight::ready() const { return check(assess(inputs_)); }
 
 std::string Preflight::list() const {

@@ -42,6 +42,8 @@ class Preflight {
   Status read_records(const std::string& line, const crypto::IdentityName& self);
   /// Whether a drone has to be acquired: not where its holder lets us command it.
   bool acquires(const std::string& drone) const;
+  /// Whether somebody holds it by those records: where it has to be acquired, we do.
+  bool is_held(const std::string& drone) const;
   /// The ledger gave us the leases of those.
   void acquired();
   void set_clock(const checks::ClockInputs& clock) { inputs_.clock = clock; }

@@ -82,14 +82,24 @@ Status Programs::wait_ready(const std::vector<std::string>& names) {
 
 Status Programs::run_to_end(const std::string& name, std::vector<std::string> arguments) {
   if (auto status = start(name, std::move(arguments)); !status) return status;
+  return wait_for_end(name, "before take-off", [this] { return interrupts_ > 0; });
+}
+
+Status Programs::run_after_flight(const std::string& name, std::vector<std::string> arguments) {
+  if (auto status = start(name, std::move(arguments)); !status) return status;
+  const int interrupts_before = interrupts_;
+  return wait_for_end(name, "after the flight", [this, interrupts_before] { return interrupts_ > interrupts_before; });
+}
+
+Status Programs::wait_for_end(const std::string& name, const std::string& when, const std::function<bool()>& gives_up) {
   const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
   while (is_running(name)) {
-    if (interrupts_ > 0) return Error{"interrupted before take-off"};
+    if (gives_up()) return Error{"interrupted " + when};
     if (monotonic_ns() > until_ns)
       return Error{fmt::format("{} did not end within {:.0f} s", name, to_seconds(ready_limit_ns))};
     poll(poll_ns);
   }
-  if (!has_succeeded(name)) return Error{crash_of(name, "before take-off")};
+  if (!has_succeeded(name)) return Error{crash_of(name, when)};
   return done;
 }
 

@@ -74,8 +74,28 @@ def test_a_network_of_others(tmp_path):
     with somebody_elses_drones(tmp_path), somebody_elses_network(tmp_path):
         flight = fly(tmp_path, "--deployment", file)
         assert flight.wait(90) == 0, printed(tmp_path)
+        assert holder_of_tello1(tmp_path) is None
     assert result(tmp_path)["ok"] is True and len(result(tmp_path)["drones"][0]["lap_s"]) == 1
     assert "ledger: a network of others" in printed(tmp_path) and result(tmp_path)["ledger"]["kind"] == "existing"
+    assert_nothing_left()
+
+
+def holder_of_tello1(directory: pathlib.Path) -> dict | None:
+    shown = subprocess.run([BIN / "ledgerline", "control", "--config", directory / "ground.toml", "show", "--json", "tello1"],
+                           capture_output=True, text=True, timeout=60)
+    assert shown.returncode == 0, shown.stderr
+    return json.loads(shown.stdout)["controls"][0].get("holder")
+
+
+def test_what_fly_acquired_it_gives_back_though_no_drone_answers(tmp_path):
+    names = "".join(f'{name} = "{tmp_path}/{name}.toml"\n' for name in ("agent", "ground", "admin"))
+    file = deployment(tmp_path, POSES + SAFE + f'[flight]\nwait_s = 4\n[ledger]\nkind = "existing"\n{names}')
+    with somebody_elses_network(tmp_path):
+        assert "not every drone is there" in refusal(tmp_path, file, 1)
+        assert holder_of_tello1(tmp_path) is None
+        control(tmp_path / "ground.toml", "acquire", "tello1")
+        assert "not every drone is there" in refusal(tmp_path / "second", file, 1)
+        assert holder_of_tello1(tmp_path) is not None, "it was held before"
     assert_nothing_left()
 
 

@@ -146,7 +146,9 @@ TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
     return preflight.leases_fit();
   };
   EXPECT_TRUE(fits(""));
+  EXPECT_FALSE(preflight.is_held("d1"));
   EXPECT_TRUE(fits(R"(,"holder":{"mspId":"Org2MSP","subject":"CN=pilot"})"));
+  EXPECT_TRUE(preflight.is_held("d1")) << "ours before the flight, and behind it";
   EXPECT_TRUE(fits(R"(,"stoppers":[{"stopper":{"mspId":"Org1MSP","subject":"CN=host"}}])"));  // link waits for its end
   const Status other = fits(R"(,"holder":{"mspId":"Org3MSP","subject":"CN=pilot"})");
   ASSERT_FALSE(other);
