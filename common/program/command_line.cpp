@@ -22,6 +22,13 @@ constexpr const char* more_options = "More options";
 
 /// CLI11's own lists other options in the order of their addresses, which differs from run to run.
 class OrderedHelp : public CLI::Formatter {
+  /// Without what "!--no-x" sets its value to: "--no-x{false}" reads as something to type.
+  std::string make_option_name(const CLI::Option* option, bool is_positional) const override {
+    constexpr std::string_view value = "{false}";
+    std::string name = CLI::Formatter::make_option_name(option, is_positional);
+    if (const auto at = name.find(value); at != std::string::npos) name.erase(at, value.size());
+    return name;
+  }
   std::string make_option_opts(const CLI::Option* option) const override {
     std::string text;
     if (option->get_type_size() != 0) {
