@@ -259,6 +259,7 @@ int ledgerline::command::drones(int argc, char** argv) {
   const std::string verb = verbs.chosen();
   if (!verb_options.drone.empty()) verb_options.names = {verb_options.drone};
   if (const std::string why = nonsense(verb_options, verb); !why.empty()) return fail(Error{why}, exit_usage);
+  verb_options.options.signs_in = verb == "login";
   return run(verb_options.options,
              [&](Station& station, const Target& target) { return act_and_wait(station, target, verb_options, verb); });
 }

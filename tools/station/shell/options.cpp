@@ -52,7 +52,7 @@ std::string flight_config(const Environment& environment) {
 std::string session_in(const Target& target) {
   if (target.session_file.empty()) return "";
   const bool there = ::access(target.session_file.c_str(), F_OK) == 0;
-  if (!there && !target.session_named) return "";
+  if (!there && !target.session_expected) return "";
   const auto session = read_secret(target.session_file);
   if (session && is_token(*session)) return *session;
   spdlog::warn("without a session: {}", session ? target.session_file + " holds none" : session.error().message);
@@ -113,8 +113,9 @@ Result<Target> target_of(const Options& options, const Environment& environment)
   // Who reads the config is on the station's computer, and its file is as good as an authority.
   if (target.tls.authority.empty() && url.empty()) target.tls.authority = service.tls.certificate;
   if (target.tls.authority.empty()) target.tls.authority = environment(ca_variable);
-  target.session_named = !options.session_file.empty();
-  target.session_file = target.session_named ? options.session_file : usual_session_file(target.address, environment);
+  const bool is_session_named = !options.session_file.empty();
+  target.session_expected = is_session_named && !options.signs_in;
+  target.session_file = is_session_named ? options.session_file : usual_session_file(target.address, environment);
   return target;
 }
 

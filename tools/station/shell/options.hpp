@@ -50,6 +50,7 @@ struct Options {
   std::string url, token_file, config, session_file;
   web::TlsFiles tls{};
   bool json = false;
+  bool signs_in = false;  ///< which makes the session's file
 };
 void add_options(CommandLine& line, Options& options);
 /// For notes: the environment, and the exit codes.
@@ -59,7 +60,7 @@ extern const char* const shared_notes;
 struct Target {
   StationAddress address;
   std::string token_file, session_file;  ///< no session file: nobody signs in
-  bool session_named = false;            ///< by an option, not by default
+  bool session_expected = false;         ///< an option names its file, and it is not about to be made
   web::TlsFiles tls{};
   std::string hint{};  ///< of a station that nobody has named: what names it
 };

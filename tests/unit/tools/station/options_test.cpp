@@ -99,6 +99,9 @@ TEST_F(AStationsOptions, KeepASessionForEachStation) {
   EXPECT_EQ(target()->session_file, "");
   options.session_file = "s";
   EXPECT_EQ(target()->session_file, "s");
+  EXPECT_TRUE(target()->session_expected) << "its lack is a warning";
+  options.signs_in = true;
+  EXPECT_FALSE(target()->session_expected) << "a sign-in makes it";
 }
 
 TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
@@ -118,7 +121,7 @@ TEST_F(AStationsOptions, AreNotStoppedByASessionThatCannotBeRead) {
   Target target{.address = {{"127.0.0.1", 1}},
                 .token_file = directory.path + "/token",
                 .session_file = directory.path + "/session",
-                .session_named = true};
+                .session_expected = true};
   ASSERT_TRUE(replace_file(target.token_file, std::string(64, 'a'), 0600));
   EXPECT_TRUE(open(target));
   ASSERT_TRUE(write_file(target.session_file, "readable by all\n", 0644));
