@@ -237,7 +237,7 @@ Status CsvReader::take(std::span<const std::string_view> cells, bool then, int l
 
 }  // namespace
 
-Result<Mission> mission_from_json(const json& given) {
+Result<Mission> mission_from_document(const json& given) {
   if (!given.is_object()) return Error{"the mission must be an object"};
   if (const Status keys = strict::only(given, {"name", "drones"}); !keys) return keys.error();
   const auto name = text_of(given, "name");
@@ -267,7 +267,7 @@ Result<Mission> mission_from_json(std::string_view text) {
   if (const Status size = check_size(text); !size) return size.error();
   const auto parsed = strict::object_from(text, "the mission", mission_bounds);
   if (!parsed) return parsed.error();
-  return mission_from_json(*parsed);
+  return mission_from_document(*parsed);
 }
 
 Result<Mission> mission_from_csv(std::string_view text, const std::string& name, const std::string& file) {

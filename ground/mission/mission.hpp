@@ -62,7 +62,7 @@ crypto::Digest digest(const Mission& mission);
 Result<Mission> mission_from_json(std::string_view text);
 
 /// The same, already parsed: of a document that has a mission in it.
-Result<Mission> mission_from_json(const nlohmann::json& given);
+Result<Mission> mission_from_document(const nlohmann::json& given);
 
 /// A heading `drone,x,y,z,speed` or `drone,x,y,z,speed,then`, then a line for each waypoint in its drone's order; the
 /// drones' lines may be mixed. z, speed and then may be empty; `then` of any of a drone's lines holds for the drone.

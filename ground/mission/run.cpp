@@ -500,7 +500,7 @@ Result<SavedRun> saved_run_from(std::string_view text) {
   if (const Status keys = strict::only(*parsed, {"version", "mission", "phase", "paused", "why", "drones"}); !keys)
     return wrong(keys.error().message);
   if (parsed->value("version", json()) != version) return wrong(fmt::format("version must be {}", version));
-  auto mission = mission_from_json(parsed->value("mission", json()));
+  auto mission = mission_from_document(parsed->value("mission", json()));
   if (!mission) return wrong(mission.error().message);
   SavedRun saved{std::move(*mission), {}};
   sort_by_name(saved.mission);

@@ -22,7 +22,7 @@ std::vector<DroneNow> drones() {
 
 Outcome outcome_of_mission(const Result<Mission>& mission) {
   if (!mission) return refused(mission.error().message);
-  const auto again = mission_from_json(std::string_view(canonical(*mission)));
+  const auto again = mission_from_json(canonical(*mission));
   if (!again || digest(*again) != digest(*mission)) return refused("");  // another mission than was approved
   CheckConfig config;
   config.fence.emplace();

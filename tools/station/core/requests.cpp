@@ -110,8 +110,7 @@ Result<ground::mission::Mission> mission_from(const std::string& file, const std
   const auto kept = file.ends_with(".json") && name.empty() ? kept_mission(text) : std::nullopt;
   if (const Status checked = kept ? Status(done) : check_file(file, text, name); !checked) return checked.error();
   if (file.ends_with(".json")) {
-    auto mission =
-        kept ? ground::mission::mission_from_json(*kept) : ground::mission::mission_from_json(std::string_view(text));
+    auto mission = kept ? ground::mission::mission_from_document(*kept) : ground::mission::mission_from_json(text);
     if (!mission) return Error{file + ": " + mission.error().message};
     return mission;
   }

@@ -49,7 +49,7 @@ std::vector<Reader> readers() {
            },
            service::max_body_bytes},
           {"message", [](const std::string& text) { return read_stream_message(text, {}, known, 1).ok(); }, 4096},
-          {"mission", [](const std::string& text) { return mission::mission_from_json(std::string_view(text)).ok(); },
+          {"mission", [](const std::string& text) { return mission::mission_from_json(text).ok(); },
            mission::max_mission_bytes},
           {"kept", [](const std::string& text) { return mission::MissionRun::restore(text, {}).ok(); },
            mission::max_mission_bytes},
@@ -147,7 +147,7 @@ TEST(CostOfReading, TheLargestMissionAndPathAreWithinTheBounds) {
                     i > 0 ? "," : "", i, waypoints);
   }
   const std::string text = fmt::format(R"({{"name":"m","drones":[{}]}})", drones);
-  const auto mission = mission::mission_from_json(std::string_view(text));
+  const auto mission = mission::mission_from_json(text);
   ASSERT_TRUE(mission) << mission.error().message;
   const auto run = mission::MissionRun::make(*mission, {});
   ASSERT_TRUE(run) << run.error().message;
