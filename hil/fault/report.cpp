@@ -25,7 +25,8 @@ namespace {
 using nlohmann::json;
 
 json verdict_json(const Verdict& verdict) {
-  json out{{"rule", verdict.rule.text}, {"held", verdict.held}};
+  json out{{"rule", verdict.rule.text}, {"held", verdict.was_checked() ? json(verdict.held) : json()}};
+  if (!verdict.was_checked()) out["not_checked"] = verdict.not_checked;
   if (!verdict.held) {
     out["broken_s"] = to_seconds(verdict.broken_ns);
     out["what"] = verdict.what;
@@ -102,7 +103,12 @@ std::string broken_text(const RunResult& result) {
 }
 
 std::string not_checked_text(const RunResult& result) {
+  std::map<std::string, std::vector<std::string>> rules;  // by why
+  for (const Verdict& verdict : result.verdicts) {
+    if (!verdict.was_checked()) rules[verdict.not_checked].push_back(verdict.rule.text);
+  }
   std::string text;
+  for (const auto& [why, names] : rules) text += fmt::format("  not checked: {} ({})\n", fmt::join(names, "; "), why);
   for (const std::string& what : result.not_checked) text += fmt::format("  not checked: {}\n", what);
   return text;
 }

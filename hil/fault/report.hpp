@@ -14,7 +14,7 @@ namespace ledgerline::hil {
 /// "  broke at 12.345 s: RULE: what was seen", a line for each.
 std::string broken_text(const RunResult& result);
 
-/// "  not checked: WHAT", a line for each.
+/// "  not checked: RULES (WHY)" and "  not checked: WHAT", a line for each.
 std::string not_checked_text(const RunResult& result);
 
 using RunSummary = comparing::FlownRun;

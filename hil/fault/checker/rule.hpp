@@ -34,6 +34,13 @@ struct Moment {
   std::span<const std::size_t> first_fault_drones{};  ///< indices of those that the first fault names; empty: all
 };
 
+/// What a run shows to the checker. Each has what those before it have.
+enum class Evidence : std::uint8_t {
+  truth,      ///< where the drones were: a flight by the SDK
+  traces,     ///< and what the traces of the real processes tell
+  simulation  ///< everything
+};
+
 /// How one run ended, for what is checked at its end.
 struct Ending {
   TimeNs now = 0;
@@ -45,6 +52,8 @@ struct Ending {
   std::uint64_t transactions = 0;         ///< on the ledger
   std::vector<std::string> lost{};        ///< acknowledged transactions and transitions that are not on the ledger
   std::vector<std::string> crashed{};     ///< programs that ended though nobody asked for it, in words
+  Evidence evidence = Evidence::simulation;
+  bool lost_is_known = true;  ///< else `lost` may lack some: who counts them was killed
 };
 
 /// Limits of the always-on invariants.
@@ -89,6 +98,9 @@ struct Verdict {
   bool held = true;
   TimeNs broken_ns = 0;  ///< when it broke
   std::string what;      ///< what was seen instead
+  /// Why nothing showed whether it held; empty: it was checked.
+  std::string not_checked{};
+  bool was_checked() const { return not_checked.empty(); }
   void broke(TimeNs now, std::string seen);
 };
 /// Of what is demanded of every run: it held so far.
@@ -124,6 +136,7 @@ struct RuleKind {
   void (*finish)(RuleState&, const Ending&) = nullptr;                       ///< behind the last moment
   bool needs_fault = false;                                                  ///< it counts from one's beginning
   bool needs_fault_end = false;                                              ///< from the last one's end
+  bool needs_lost = false;                                                   ///< Ending::lost, and all of it
   bool needs_link = false;         ///< link, agent, ground or the ledger say it: a flight by the SDK has none
   std::string_view not_real = {};  ///< why it cannot be checked of the real processes' traces; empty: it can
 };

@@ -351,6 +351,7 @@ constexpr RuleKind table[] = {
     {.form = "nothing acknowledged is lost",
      .help = "neither commits nor transitions",
      .finish = nothing_lost,
+     .needs_lost = true,
      .needs_link = true},
     {.form = "at most {} transactions a second",
      .takes = Takes::number,

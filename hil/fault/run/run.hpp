@@ -34,7 +34,7 @@ struct RunResult {
   std::string script, title;
   std::uint64_t seed = 0;
   std::vector<Verdict> verdicts;  ///< the script's rules in their order, then the invariants
-  /// What is checked of a simulated run and is not of this one, in words.
+  /// What of a checked rule is checked of a simulated run and is not of this one, in words.
   std::vector<std::string> not_checked;
   bool all_held() const;
   TimeNs flown_ns = 0;  ///< of its own clock

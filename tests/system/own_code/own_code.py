@@ -35,7 +35,7 @@ def fly(directory: pathlib.Path, scenario: str, program: pathlib.Path, *options:
 
 def broken(flown: dict) -> dict:
     """The rules that broke, and what was seen."""
-    return {verdict["rule"]: verdict["what"] for verdict in flown["verdicts"] if not verdict["held"]}
+    return {verdict["rule"]: verdict["what"] for verdict in flown["verdicts"] if verdict["held"] is False}
 
 
 def planted(directory: pathlib.Path, example: str, right: str, wrong: str) -> pathlib.Path:

@@ -392,13 +392,45 @@ TEST_F(Flight, IsBrokenByAnOlderPlanFlownAfterANewerOneUnlessLinkRestarted) {
 }
 
 TEST_F(Flight, SaysWhatIsNotChecked) {
-  const auto not_checked = [&] { return check_recording(script_of(""), 1, recording).not_checked; };
-  EXPECT_THAT(not_checked(),
-              ElementsAre(HasSubstr("each plan's own end"), HasSubstr("transitions alone"), HasSubstr("ramps"),
-                          HasSubstr("agent hands"), HasSubstr("what is flown was signed"),
-                          HasSubstr("waited during a brake"), HasSubstr("upright")));
+  const auto checked = [&](const std::string& rules = "") {
+    return check_recording(script_of("must = [" + rules + "]\n"), 1, recording);
+  };
+  const auto not_checked_rules = [](const RunResult& result) {
+    std::vector<std::string> rules;
+    for (const Verdict& verdict : result.verdicts) {
+      if (!verdict.was_checked()) rules.push_back(verdict.rule.text);
+    }
+    return rules;
+  };
+  const RunResult result = checked();
+  EXPECT_TRUE(result.all_held());
+  EXPECT_THAT(result.not_checked, ElementsAre(HasSubstr("each plan's own end"), HasSubstr("agent hands"),
+                                              HasSubstr("waited during a brake"), HasSubstr("transitions alone")));
+  EXPECT_THAT(not_checked_rules(result),
+              ElementsAre("always: commanded speed ramps", "always: nothing is flown that nobody signed",
+                          "always: no motors cut while upright"));
+  EXPECT_THAT(not_checked_text(result), HasSubstr("  not checked: always: commanded speed ramps (of what"));
+  EXPECT_THAT(json_text({result}, {summary_of(result, "")}), HasSubstr("\"held\": null"));
   recording.lost_is_known = false;
-  EXPECT_THAT(not_checked()[1], HasSubstr("whether the ledger has all"));
+  EXPECT_THAT(not_checked_rules(checked("\"nothing acknowledged is lost\"")),
+              testing::IsSupersetOf({"nothing acknowledged is lost", "always: nothing acknowledged is lost"}));
+  recording.lost = {"tello1: 3 transitions made, 2 on the ledger"};
+  EXPECT_THAT(not_checked_rules(checked()), testing::Not(testing::Contains("always: nothing acknowledged is lost")))
+      << "what is lost for certain breaks the rule";
+  EXPECT_THAT(broken(""), ElementsAre("always: nothing acknowledged is lost"));
+}
+
+TEST_F(Flight, OfTheSdkIsCheckedByTheTruthAlone) {
+  recording.has_link = false;
+  const RunResult result = check_recording(script_of("[flight]\nkind = \"sdk\"\n"), 1, recording);
+  EXPECT_EQ(std::ranges::count_if(result.verdicts, [](const Verdict& verdict) { return !verdict.was_checked(); }), 10);
+  const auto is_checked = [&](const std::string& rule) {
+    const auto found = std::ranges::find(result.verdicts, rule, [](const Verdict& each) { return each.rule.text; });
+    return found != result.verdicts.end() && found->was_checked();
+  };
+  EXPECT_TRUE(is_checked("always: no crash"));
+  EXPECT_FALSE(is_checked("always: nothing acknowledged is lost"));
+  EXPECT_THAT(not_checked_text(result), HasSubstr("(a flight by the SDK has no link, agent, ground or ledger)\n"));
 }
 
 TEST_F(Flight, CountsFromTheFaultsThatItHad) {
