@@ -1,6 +1,7 @@
 """What `ledgerline experiment` is asked for; needs nothing but Python itself, so that help comes at once."""
 import argparse
 import pathlib
+import sys
 
 import config
 
@@ -40,4 +41,8 @@ def arguments(experiments: list[config.Experiment]) -> argparse.Namespace:
 
 
 if __name__ == "__main__":
-    arguments(config.read_all())
+    try:
+        arguments(config.read_all())
+    except config.ConfigError as error:
+        print(f"experiment: {error}", file=sys.stderr)
+        sys.exit(2)

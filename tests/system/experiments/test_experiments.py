@@ -3,6 +3,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import time
@@ -53,6 +54,17 @@ def test_what_is_asked_wrongly_is_named(tmp_path):
                          (("latency", "--seeds", "0"), "--seeds")):
         done = experiment(*words, "--out", tmp_path)
         assert done.returncode == 2 and named in done.stderr, done.stderr
+
+
+def test_what_is_asked_wrongly_installs_nothing(tmp_path):
+    root = pathlib.Path(__file__).resolve().parents[3]
+    for part in ("scripts/experiment", "scripts/setup.sh", "common/page/style.css"):
+        (tmp_path / part).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(root / part, tmp_path / part)
+    shutil.copytree(root / "tools/experiments", tmp_path / "tools/experiments", ignore=shutil.ignore_patterns("__pycache__"))
+    done = subprocess.run([tmp_path / "scripts/experiment", "nosuch"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and "nosuch" in done.stderr and "latency" in done.stderr, done.stderr
+    assert not (tmp_path / "build").exists()
 
 
 def test_what_cannot_be_measured_is_no_success(tmp_path):
