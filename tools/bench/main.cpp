@@ -66,7 +66,10 @@ void find_programs(Options& o) {
 }
 
 Status check(const Options& o) {
-  if (!fs::exists(o.paths.programs / "two_way_client"))
+  const bool has_client = fs::exists(o.paths.programs / "two_way_client");
+  if (const std::string build = build_or_prefix(); !has_client && fs::exists(fs::path(build) / "build.ninja"))
+    return Error{"two_way_client is not built: ninja -C " + build + " two_way_client"};
+  if (!has_client)
     return Error{"bench needs the source tree: " + (o.paths.programs / "two_way_client").string() + " is of its build"};
   const bool baselines = std::any_of(o.clients.begin(), o.clients.end(),
                                      [](const auto& id) { return find_competitor(id)->design != Design::ledgerline; });

@@ -135,3 +135,9 @@ def test_what_is_wrong_is_named(options, code, words):
     done = subprocess.run(command, capture_output=True, text=True, timeout=20)
     assert done.returncode == code
     assert words in done.stderr + done.stdout
+
+
+def test_a_client_that_is_not_built_is_named_with_its_target(tmp_path):
+    done = bench("--clients", "ledgerline", "--ledger", "embedded", programs=tmp_path)
+    assert done.returncode == 1
+    assert f"two_way_client is not built: ninja -C {BIN.resolve().parent} two_way_client" in done.stderr + done.stdout
