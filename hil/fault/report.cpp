@@ -140,6 +140,7 @@ std::string json_text(const std::vector<RunResult>& results, const std::vector<R
       {"runs", runs},
       {"flown", all.size()},
       {"broken", broken},
+      {"interrupted", std::ranges::any_of(not_flown, &NotFlown::interrupted)},
       {"not_flown",
        missing}}.dump(2, ' ', false, json::error_handler_t::replace);
   text.resize(text.rfind('\n'));  // the last brace comes behind what may be hundred thousand lines
@@ -219,7 +220,8 @@ std::string csv_text(const std::vector<RunSummary>& all) {
   return text + "\n";
 }
 
-std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all) {
+std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
+                      const std::vector<NotFlown>& not_flown) {
   json runs = json::array();
   for (const RunResult& result : results) {
     json run = run_json(result);
@@ -233,7 +235,10 @@ std::string html_text(const std::vector<RunResult>& results, const std::vector<R
   for (const BrokenRule& one : by_rule(all))
     rules.push_back({{"rule", one.rule}, {"runs", one.runs}, {"scripts", one.scripts}});
   std::string page = page::filled(fault_template, "@DATE@", page::local_date());
+  json missing = json::array();
+  for (const NotFlown& flight : not_flown) missing.push_back(not_flown_json(flight));
   page = page::filled(page, "@RULES@", page::for_script(rules));
+  page = page::filled(page, "@NOT_FLOWN@", page::for_script(missing));
   return page::filled(page, "@DATA@", page::for_script(runs));
 }
 

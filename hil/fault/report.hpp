@@ -25,21 +25,23 @@ std::string source_of(std::string_view script_text);
 /// What was asked for and has no result.
 struct NotFlown {
   std::string script;
-  std::optional<std::uint64_t> seed;  ///< none: not with any
+  std::optional<std::uint64_t> seed{};  ///< none: not with any
   std::string why;
-  bool error = true;  ///< else it was passed over: it needs another mode
+  bool error = true;         ///< else it was passed over: it needs another mode
+  bool interrupted = false;  ///< it stands for all that was not flown any more
 };
 
 /// One JSON object: `runs`, with the events but without the timeline, and `figures` of `all`, a line each;
-/// `not_flown` has no metrics.
+/// `not_flown` has no metrics; `interrupted`: not all was flown.
 std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
                       const std::vector<NotFlown>& not_flown = {});
 /// As CI systems read it: a testcase for each run of `all`; what was seen is reported for those in `results`.
 /// What was not flown is an error, or skipped.
 std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
                        const std::vector<NotFlown>& not_flown = {});
-/// One page with everything in it: each run's verdicts and timeline, and by_rule() of `all`.
-std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all);
+/// One page with everything in it: each run's verdicts and timeline, by_rule() of `all`, and what was not flown.
+std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
+                      const std::vector<NotFlown>& not_flown = {});
 /// A line for each run: script, seed, mode, held, flown_s, the broken rules, then each metric.
 std::string csv_text(const std::vector<RunSummary>& all);
 

@@ -24,7 +24,7 @@ constexpr const char* notes = R"(Examples:
   ledgerline fault random --seeds 1..10000 --jobs 2 --out broken
 
 Exit codes: 0 all held; 1 a rule broke, a regression was found, or a file could not be written; 2 bad usage or a bad
-script.)";
+script; 130 interrupted (Ctrl-C): files have what was flown until then.)";
 
 }  // namespace
 

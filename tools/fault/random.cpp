@@ -1,6 +1,7 @@
 // ledgerline fault random: scripts drawn at random; what breaks is shrunk.
 #include <fmt/format.h>
 
+#include <csignal>
 #include <memory>
 #include <utility>
 
@@ -24,11 +25,13 @@ Script as_written(const Script& script) {
   return read ? std::move(*read) : script;
 }
 
-/// A broken flight's shortest script, said and written; false: it could not be.
-bool tell_shortest(const Flight& flight, const RandomOptions& options) {
+/// A broken flight's shortest script, said and written; false: it could not be. An interrupt ends the shrinking.
+bool tell_shortest(const Flight& flight, const RandomOptions& options, RunPrinter& printer) {
   Script script = flight.script;
   if (options.shrinks) {
     script = shrink(script, [&](const Script& shorter) {
+      printer.print_progress("shrinking " + script.name);
+      if (stop_requested) return false;
       const auto again = run_script(as_written(shorter), flight.seed);
       return again && !again->all_held();
     });
@@ -43,6 +46,7 @@ int fly_random(const RandomOptions& options) {
   const auto seeds = parse_seeds(options.seeds.empty() ? "1" : options.seeds);
   if (!seeds) return usage_error(seeds.error().message);
   const std::size_t count = seeds->second - seeds->first + 1;
+  catch_stop_signals({SIGINT});
   RunPrinter printer(count, true, "sitl");
   std::vector<Flight> broken;
   bool fine = true;
@@ -55,15 +59,15 @@ int fly_random(const RandomOptions& options) {
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {
           printer.print_failure(flight, result.error().message);
-          return true;
+          return !stop_requested;
         }
         if (!result->all_held()) broken.push_back(flight);
         printer.print_run(std::move(*result), source_of(text_of(flight.script)));
-        return true;
+        return !stop_requested;
       });
   printer.print_total();
-  for (const Flight& flight : broken) fine = tell_shortest(flight, options) && fine;
-  return printer.write_files(options) && fine && printer.all_held() ? 0 : exit_broken;
+  for (const Flight& flight : broken) fine = tell_shortest(flight, options, printer) && fine;
+  return printer.write_files(options) && fine ? printer.exit_code() : exit_broken;
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
@@ -102,10 +103,12 @@ std::string agree(const Script& script, std::uint64_t seed, RunResult& result) {
 void fly_really(const Wanted& wanted, const RunOptions& options, RunPrinter& printer) {
   const std::string programs = programs_directory();
   for (const Flight& flight : wanted.flights) {
+    if (stop_requested) return;
     const auto& [script, seed] = flight;
     const std::string directory =
         fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
-    auto result = run_really(script, seed, {programs, directory, stack_of(options), options.own});
+    auto result = run_really(script, seed, {programs, directory, stack_of(options), options.own, &stop_requested});
+    if (stop_requested) return;  // it was ended before its time
     if (!result) {
       printer.print_failure(flight, result.error().message);
       continue;
@@ -124,7 +127,7 @@ void fly_simulated(const Wanted& wanted, const RunOptions& options, RunPrinter& 
         } else {
           printer.print_failure(flight, result.error().message);
         }
-        return true;
+        return !stop_requested;
       });
 }
 
@@ -150,6 +153,7 @@ int run_scripts(RunOptions& options) {
     if (const auto possible = check_real(script, stack_of(options), options.own); !possible)
       return usage_error(possible.error().message);
   }
+  catch_stop_signals({SIGINT});
   RunPrinter printer(wanted->flights.size(), options.quiet, mode_of(options));
   for (const NotFlown& script : wanted->passed_over) printer.add_passed_over(script);
   if (options.real)
@@ -157,7 +161,7 @@ int run_scripts(RunOptions& options) {
   else
     fly_simulated(*wanted, options, printer);
   printer.print_total();
-  return printer.write_files(options) && printer.all_held() ? 0 : exit_broken;
+  return printer.write_files(options) ? printer.exit_code() : exit_broken;
 }
 
 }  // namespace

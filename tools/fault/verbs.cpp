@@ -64,6 +64,8 @@ void RunPrinter::print_run(RunResult result, const std::string& source, const st
     fmt::print(stderr, "\r{} of {}, {} broken, {:.0f} s left ", done_, all_, broken_,
                wall_s / static_cast<double>(done_) * static_cast<double>(all_ - done_));
     std::fflush(stderr);
+  } else if (quiet_ && done_ < all_) {
+    print_progress(fmt::format("{} of {}, {} broken", done_, all_, broken_));
   }
   summaries_.push_back(summary_of(result, source));
   summaries_.back().mode = mode_;
@@ -77,11 +79,30 @@ void RunPrinter::print_failure(const Flight& flight, const std::string& why) {
   ++errors_;
 }
 
+void RunPrinter::print_progress(const std::string& text) {
+  constexpr TimeNs max_share = 50;  // a line each fiftieth of the time so far: some 300 in a day
+  const TimeNs now = monotonic_ns();
+  if (now < next_progress_ns_) return;
+  next_progress_ns_ = now + std::max(min_progress_ns, (now - start_ns_) / max_share);
+  clear();
+  fmt::print(stderr, "{}\n", text);
+}
+
 void RunPrinter::print_total() {
   clear();
+  if (is_interrupted()) {
+    const std::string why = fmt::format("interrupted: {} of {} flown", done_, counted(all_, "run"));
+    fmt::print("{}\n", why);
+    not_flown_.push_back({.script = "the rest", .why = why, .interrupted = true});
+  }
   const double wall_s = to_seconds(monotonic_ns() - start_ns_);
   fmt::print("{}, {} broken; {:.0f} s flown in {:.1f} s: {:.0f} times real time\n{}", counted(done_, "run"), broken_,
              flown_s_, wall_s, flown_s_ / wall_s, by_rule_text(summaries_));
+}
+
+int RunPrinter::exit_code() const {
+  if (is_interrupted()) return exit_interrupted;
+  return broken_ == 0 && errors_ == 0 ? 0 : exit_broken;
 }
 
 bool RunPrinter::write_files(const FlightOptions& options) {
@@ -91,10 +112,12 @@ bool RunPrinter::write_files(const FlightOptions& options) {
   bool written = true;
   if (!options.json.empty()) written = write(options.json, json_text(kept_, summaries_, not_flown_)) && written;
   if (!options.junit.empty()) written = write(options.junit, junit_text(kept_, summaries_, not_flown_)) && written;
-  if (!options.html.empty()) written = write(options.html, html_text(kept_, summaries_)) && written;
+  if (!options.html.empty()) written = write(options.html, html_text(kept_, summaries_, not_flown_)) && written;
   if (!options.csv.empty()) written = write(options.csv, csv_text(summaries_)) && written;
   return written;
 }
+
+bool RunPrinter::is_interrupted() const { return stop_requested && done_ + errors_ < all_; }
 
 void RunPrinter::clear() const {
   if (terminal_) fmt::print(stderr, "\r{:60}\r", "");

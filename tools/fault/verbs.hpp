@@ -41,21 +41,27 @@ class RunPrinter {
   void print_failure(const Flight& flight, const std::string& why);
   /// A script that was passed over, for the files.
   void add_passed_over(NotFlown script) { not_flown_.push_back(std::move(script)); }
+  /// A line on standard error, one in ten seconds at most, in long campaigns fewer.
+  void print_progress(const std::string& text);
+  /// Also says whether the campaign was interrupted.
   void print_total();
-  /// Every flight was flown, and held.
-  bool all_held() const { return broken_ == 0 && errors_ == 0; }
+  /// Of what was flown; 0: every flight was flown, and held.
+  int exit_code() const;
   /// The files that were asked for; false: one could not be written.
   bool write_files(const FlightOptions& options);
 
  private:
+  static constexpr TimeNs min_progress_ns = 10 * ns_per_s;
+
   void clear() const;
+  bool is_interrupted() const;
   void store(RunResult result);
 
   std::size_t all_, done_ = 0, broken_ = 0, errors_ = 0;
   double flown_s_ = 0;
   bool quiet_, terminal_;
   std::string mode_;
-  TimeNs start_ns_ = monotonic_ns();
+  TimeNs start_ns_ = monotonic_ns(), next_progress_ns_ = start_ns_ + min_progress_ns;
   std::vector<RunResult> kept_;  ///< in full; broken ones first
   std::vector<RunSummary> summaries_;
   std::vector<NotFlown> not_flown_;
@@ -71,6 +77,8 @@ struct Act {
 /// 1: a rule broke, a regression was found, or a file could not be written. 2 is exit_usage
 /// (common/program/program.hpp).
 inline constexpr int exit_broken = 1;
+/// As a shell says of a program that SIGINT ended: the files have what was flown until then.
+inline constexpr int exit_interrupted = 130;
 
 Act run(CommandLine& line);
 Act random(CommandLine& line);

@@ -121,6 +121,7 @@ Status RealFlight::watch() {
     children_.poll(watch_ns);
     live_.read();
     const TimeNs now = monotonic_ns();
+    if (options_.should_stop()) ask_to_end(now);
     if (live_.begin_ns() == 0 && now > start_until)
       return Error{fmt::format("no flight within {:.0f} s: see {}", to_seconds(start_timeout_ns), options_.directory)};
     if (live_.begin_ns() == 0) continue;

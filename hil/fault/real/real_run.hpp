@@ -1,4 +1,5 @@
 #pragma once
+#include <atomic>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -14,7 +15,9 @@ struct RealOptions {
   std::string programs;   ///< directory of the programs
   std::string directory;  ///< of this flight, made here: its run, metrics and logs
   RealStack stack;
-  OwnCode own{};  ///< a plug-in, or the program that flies a manual flight or one by the SDK
+  OwnCode own{};                            ///< a plug-in, or the program that flies a manual flight or one by the SDK
+  const std::atomic<bool>* stop = nullptr;  ///< becomes true: the flight is ended before its time; none: it is not
+  bool should_stop() const { return stop && *stop; }
 };
 
 /// Makes a flight's folder, in which none of these may be there already: they are of another flight.

@@ -288,6 +288,7 @@ Status SdkFlight::watch() {
     children_.poll(sdk_watch_ns);
     live_.read();
     const TimeNs now = monotonic_ns();
+    if (options_.should_stop()) return Error{"interrupted"};
     for (const char* name : {"sim", "hil-proxy"}) {
       if (!children_.is_running(name))
         return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};

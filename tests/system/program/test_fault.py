@@ -2,7 +2,9 @@
 import json
 import pathlib
 import re
+import signal
 import subprocess
+import time
 import tomllib
 
 import fastjsonschema
@@ -94,6 +96,34 @@ def test_what_is_not_flown_is_in_the_files(flown, tmp_path):
     assert not results["held"] and results["figures"] == []
     assert [(row["script"], row["seed"], row["error"]) for row in results["not_flown"]] == [("short", 1, True)]
     assert re.search(r'classname="short" name="seed 1">\s+<error message="', (tmp_path / "r.xml").read_text())
+
+
+def interrupted(*words, until: str, stream: str, cwd) -> tuple[str, str]:
+    """What a campaign printed that gets SIGINT once `until` is in a line of its `stream`."""
+    with open(cwd / "stdout", "w") as out, open(cwd / "stderr", "w") as err:
+        process = subprocess.Popen([BIN / "ledgerline", "fault", *words], stdout=out, stderr=err, cwd=cwd)
+        deadline = time.monotonic() + 120
+        while until not in (cwd / stream).read_text() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+    return (cwd / "stdout").read_text(), (cwd / "stderr").read_text()
+
+
+def test_an_interrupt_keeps_what_was_flown(flown, tmp_path):
+    files = ("--json", "r.json", "--html", "r.html", "--csv", "r.csv", "--junit", "r.xml")
+    out, _ = interrupted("run", str(flown.parent / "short.toml"), "--seeds", "1..100000", *files, until="held", stream="stdout", cwd=tmp_path)
+    assert re.search(r"^interrupted: \d+ of 100000 runs flown$", out, re.M)
+    results = json.loads((tmp_path / "r.json").read_text())
+    assert results["interrupted"] and not results["held"] and 0 < results["flown"] < 100_000
+    assert len((tmp_path / "r.csv").read_text().splitlines()) == results["flown"] + 1
+    assert "of 100000 runs flown" in (tmp_path / "r.html").read_text() and 'errors="1"' in (tmp_path / "r.xml").read_text()
+
+
+def test_a_long_campaign_says_how_far_it_is(tmp_path):
+    out, err = interrupted("random", "--seeds", "1..100000", "--json", "r.json", until=" of 100000", stream="stderr", cwd=tmp_path)
+    assert re.fullmatch(r"(\d+ of 100000, \d+ broken\n){1,3}(shrinking .*\n)*", err) and "interrupted: " in out
+    assert json.loads((tmp_path / "r.json").read_text())["interrupted"]
 
 
 def test_check_refuses_what_run_refuses_over_the_shim(tmp_path):

@@ -67,6 +67,12 @@ TEST(ResultsFile, WhatWasNotFlownIsInBothFilesAndIsNoRun) {
   EXPECT_EQ(all["not_flown"][1], (nlohmann::json{{"script", "b"}, {"error", false}, {"why", "real time alone"}}));
   EXPECT_EQ(parse_results(text, "r.json")->runs.size(), 1U);
   EXPECT_TRUE(nlohmann::json::parse(hil::json_text({held}, {hil::summary_of(held, "")}, {missing[1]}))["held"]);
+  EXPECT_FALSE(all["interrupted"]);
+  const NotFlown rest{.script = "the rest", .why = "interrupted: 1 of 2 runs flown", .interrupted = true};
+  const auto interrupted = nlohmann::json::parse(hil::json_text({held}, {hil::summary_of(held, "")}, {rest}));
+  EXPECT_TRUE(interrupted["interrupted"]);
+  EXPECT_FALSE(interrupted["held"]) << "of what was not flown nobody knows";
+  EXPECT_THAT(html_text({held}, {hil::summary_of(held, "")}, {rest}), HasSubstr("interrupted: 1 of 2 runs flown"));
 }
 
 TEST(ResultsFile, CountsByRuleAndHasALineOfCsvForEachRun) {
