@@ -269,6 +269,18 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
     config.wrong("pilot.0.do", "must not be there: a pilot goes with kind = \"manual\"");
 }
 
+/// Whether a moment can come in such a flight.
+Status check_moment(const Trigger& trigger, const Script& script) {
+  if (trigger.of_a_path() && script.kind != FlightKind::path)
+    return Error{
+        fmt::format("must be no moment of a path: in a flight of kind \"{}\" ground flies none", name_of(script.kind))};
+  int laps = 0;
+  for (int k = 1; k <= script.flight.drones; ++k) laps = std::max(laps, task_of(script.flight, k).laps);
+  if (trigger.kind == Trigger::Kind::lap && trigger.value > laps)
+    return Error{fmt::format("must be a lap that is flown: there {} {}", laps == 1 ? "is" : "are", laps)};
+  return done;
+}
+
 void read_fault(Config& config, const std::string& key, const std::vector<DroneObservation>& drones, bool real,
                 Script& script) {
   const bool on_path = script.kind == FlightKind::path;
@@ -277,23 +289,38 @@ void read_fault(Config& config, const std::string& key, const std::vector<DroneO
                     lasts = config.text({key + "for", "how long it lasts; left out: to the end"}, "");
   const bool optional =
       config.boolean({key + "optional", "its moment may never come; otherwise the run is then broken"}, false);
+  if (config.is_describing()) return;
+  bool is_right = true;
+  const auto check = [&](const char* which, const Status& status) {
+    if (!status) config.wrong(key + which, status.error().message);
+    is_right = is_right && status.ok();
+  };
+  // Each key by itself, so that all that is wrong is said at once.
+  if (const auto trigger = parse_trigger(at); !trigger)
+    check("at", trigger.error());
+  else
+    check("at", check_moment(*trigger, script));
+  if (!lasts.empty()) {
+    const auto time = parse_fault_time(lasts);
+    if (!time) check("for", time.error());
+  }
   if (what.empty()) return;
+  const auto begun = parse_fault(what, "", "", real);
+  if (!begun) {
+    check("what", begun.error());
+  } else if (const auto tried = FaultSchedule::create({*begun}, drones); !tried) {
+    check("what", tried.error());
+  } else if (const Status works = begun->acts.check_flight(script.flight); !works) {
+    check("what", Error{fmt::format("\"{}\" does nothing: {}", begun->text, works.error().message)});
+  }
+  if (!is_right) return;
   auto fault = parse_fault(what, at, lasts, real);
   if (!fault) {
-    // Which of the three it is: the one that is wrong alone.
-    const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
-    config.wrong(key + wrong, fault.error().message);
-  } else if (const auto tried = FaultSchedule::create({*fault}, drones); !tried) {
-    config.wrong(key + "what", tried.error().message);
-  } else if (fault->trigger.of_a_path() && !on_path) {
-    config.wrong(key + "at", fmt::format("must be no moment of a path: in a flight of kind \"{}\" ground flies none",
-                                         name_of(script.kind)));
-  } else if (const Status works = fault->acts.check_flight(script.flight); !works) {
-    config.wrong(key + "what", fmt::format("\"{}\" does nothing: {}", fault->text, works.error().message));
-  } else {
-    fault->optional = optional;
-    script.faults.push_back(std::move(*fault));
+    check("for", fault.error());  // each is right, but not with the other
+    return;
   }
+  fault->optional = optional;
+  script.faults.push_back(std::move(*fault));
 }
 
 void read_rule(Config& config, const std::string& sentence, bool faults, Script& script) {

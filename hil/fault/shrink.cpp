@@ -37,7 +37,10 @@ Script shrink(Script script, const std::function<bool(const Script&)>& fails, in
                                             : head.substr(0, head.find_last_not_of(' ') + 1);
       progress = better(shorter) || progress;
     }
-    if (script.flight.laps > 1) {
+    const bool needs_laps = std::any_of(script.faults.begin(), script.faults.end(), [&](const Fault& fault) {
+      return fault.trigger.kind == Trigger::Kind::lap && fault.trigger.value > script.flight.laps / 2;
+    });
+    if (script.flight.laps > 1 && !needs_laps) {
       Script shorter = script;
       shorter.flight.laps /= 2;
       progress = better(shorter) || progress;

@@ -236,6 +236,13 @@ Result<const FaultKind*> kind_of(std::string_view text, bool real) {
   return wrong(text, "must be " + forms);
 }
 
+Result<TimeNs> parse_fault_time(std::string_view duration) {
+  const auto time = parse_time(duration);
+  if (time && *time <= 0)
+    return wrong(duration, "a fault lasts longer than nothing; leave `for` out for one to the end");
+  return time;
+}
+
 Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real) {
   Fault fault;
   fault.text = fmt::format("{}", fmt::join(words_of(text), " "));
@@ -254,9 +261,8 @@ Result<Fault> parse_fault(std::string_view text, std::string_view at, std::strin
     fault.at = at;
   }
   if (!duration.empty()) {
-    const auto time = parse_time(duration);
+    const auto time = parse_fault_time(duration);
     if (!time) return time.error();
-    if (*time <= 0) return wrong(duration, "a fault lasts longer than nothing; leave `for` out for one to the end");
     if (fault.acts.momentary) return wrong(fault.text, "happens at one moment: leave `for` out");
     fault.for_ns = *time;
   }

@@ -184,6 +184,8 @@ std::vector<const FaultKind*> fault_kinds();
 /// cannot have. `for` and `at` are texts too; an empty `for` means until the end.
 /// `real`: for a flight with the real processes, which has some faults more.
 Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real = false);
+/// Its `for`: more than nothing.
+Result<TimeNs> parse_fault_time(std::string_view duration);
 /// The row whose words these are; the error says which there are.
 Result<const FaultKind*> kind_of(std::string_view text, bool real);
 

@@ -23,6 +23,19 @@ TEST(FaultScript, SaysFileLineKeyAndWhatIsAllowed) {
     EXPECT_NE(error.find(wanted), std::string::npos) << wanted << "\nis not in\n" << error;
 }
 
+TEST(FaultScript, EachKeyOfAFaultIsCheckedByItself) {
+  const std::string error = error_of(
+      "title = \"t\"\n[[fault]]\nwhat = \"drone tello1 to sideways\"\nat = \"noon\"\nfor = \"long\"\n[[fault]]\nwhat = "
+      "\"drone tello2 to stall\"\nat = \"lap 7\"\nfor = \"0s\"\n");
+  for (const char* wanted :
+       {"x.toml:3: fault.0.what: ", "x.toml:4: fault.0.at: ", "x.toml:5: fault.0.for: ", "x.toml:7: fault.1.what: ",
+        "x.toml:8: fault.1.at: must be a lap that is flown: there is 1", "x.toml:9: fault.1.for: "})
+    EXPECT_NE(error.find(wanted), std::string::npos) << wanted << "\nis not in\n" << error;
+  const std::string second = "[[fault]]\nwhat = \"ledger stall\"\nat = \"lap 2\"\n";
+  EXPECT_EQ(error_of("title = \"t\"\n[flight]\nlaps = 2\n" + second), "");
+  EXPECT_EQ(error_of("title = \"t\"\n[[task]]\ndrone = \"tello1\"\nlaps = 2\n" + second), "");
+}
+
 TEST(FaultScript, ARuleThatIsNearlyOneIsAskedFor) {
   EXPECT_EQ(parse_rule("holds withn 5 s").error().message,
             "\"holds withn 5 s\" is no rule: did you mean \"holds within 2 s\"? (`ledgerline fault list rules`)");
