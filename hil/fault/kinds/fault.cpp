@@ -62,10 +62,10 @@ std::vector<DroneObservation> named_drones(int count) {
 
 Result<Trigger> parse_trigger(std::string_view text) {
   const std::string_view whole = trimmed(text);
-  constexpr std::string_view usage =
+  const std::string usage = fmt::format(
       "must be a time as 5s, or takeoff, flying, path, lap N, height METRES, landing or landed, which may be followed "
-      "by "
-      "+ 2s";
+      "by + 2s; a time is at most {}",
+      time_text(max_delay));
   Trigger trigger;
   std::string_view head = whole;
   if (const auto plus = whole.find('+'); plus != std::string_view::npos) {

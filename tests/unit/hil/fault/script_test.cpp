@@ -31,6 +31,8 @@ TEST(FaultScript, EachKeyOfAFaultIsCheckedByItself) {
        {"x.toml:3: fault.0.what: ", "x.toml:4: fault.0.at: ", "x.toml:5: fault.0.for: ", "x.toml:7: fault.1.what: ",
         "x.toml:8: fault.1.at: must be a lap that is flown: there is 1", "x.toml:9: fault.1.for: "})
     EXPECT_NE(error.find(wanted), std::string::npos) << wanted << "\nis not in\n" << error;
+  EXPECT_NE(error_of("title = \"t\"\n[[fault]]\nwhat = \"ledger stall\"\nat = \"61s\"\n").find("a time is at most 60s"),
+            std::string::npos);
   const std::string second = "[[fault]]\nwhat = \"ledger stall\"\nat = \"lap 2\"\n";
   EXPECT_EQ(error_of("title = \"t\"\n[flight]\nlaps = 2\n" + second), "");
   EXPECT_EQ(error_of("title = \"t\"\n[[task]]\ndrone = \"tello1\"\nlaps = 2\n" + second), "");
