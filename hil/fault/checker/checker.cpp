@@ -307,6 +307,8 @@ std::vector<Verdict> Checker::finish(const Ending& ending) {
   for (RuleState& state : rules_) {
     const RuleKind& kind = *state.verdict.rule.kind;
     if (kind.finish) kind.finish(state, ending);
+    if (const auto& excess = state.excess; excess && excess->worst - excess->first >= 0.001)  // as it is printed
+      state.verdict.what += fmt::format("; at worst {}: {:.3f} {}", excess->drone, excess->worst, excess->unit);
     if (kind.needs_lost && !ending.lost_is_known) set_not_checked(state.verdict, lost_unknown);
     verdicts.push_back(state.verdict);
   }

@@ -108,7 +108,14 @@ Verdict always(std::string_view text);
 
 /// A rule at work.
 struct RuleState {
+  /// What a limit was broken by: at first, and by whom the most until the end.
+  struct Excess {
+    double first = 0, worst = 0;
+    std::string drone;
+    std::string_view unit;
+  };
   Verdict verdict;
+  std::optional<Excess> excess{};
   bool seen = false;
   bool waits = false;                 ///< a drone of the first fault is not yet `done`
   std::optional<TimeNs> from_ns{};    ///< what its time counts from; nothing: that was not yet

@@ -168,9 +168,12 @@ std::string beyond(double measured, double limit) {
 /// `measured`: of a drone; it is what the broken rule says was seen.
 void check_measure(RuleState& state, const Sight& sight, std::size_t drone, double measured, bool breaks,
                    std::string_view unit) {
-  if (breaks)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {} {}", of(sight, drone).name,
-                                                      beyond(measured, state.verdict.rule.amount), unit));
+  if (!breaks) return;
+  state.verdict.broke(sight.moment.now, fmt::format("{}: {} {}", of(sight, drone).name,
+                                                    beyond(measured, state.verdict.rule.amount), unit));
+  const double first = state.excess ? state.excess->first : measured;
+  if (!state.excess || measured > state.excess->worst)
+    state.excess = RuleState::Excess{first, measured, of(sight, drone).name, unit};
 }
 
 void height(RuleState& state, const Sight& sight, std::size_t drone) {

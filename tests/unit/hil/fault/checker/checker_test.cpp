@@ -284,6 +284,16 @@ TEST(FaultChecker, WhatIsBarelyBeyondALimitIsToldFromIt) {
   }
 }
 
+TEST(FaultChecker, ABrokenLimitNamesTheWorstToo) {
+  CheckedRun run("path within 0.4 m");
+  for (const double off_m : {0.5, 0.75, 0.6}) {
+    run.drones[0].off_path_m = off_m;
+    run.pass(ns_per_s);
+  }
+  (void)run.broken();
+  EXPECT_EQ(run.seen["path within 0.4 m"], "tello1: 0.500 m; at worst tello1: 0.750 m");
+}
+
 TEST(FaultChecker, WhoRecoversFlewItsPlanAgain) {
   const std::string rule = "recovers and finishes the lap";
   const auto broken = [&](bool again, bool finished) {

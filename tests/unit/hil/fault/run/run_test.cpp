@@ -48,6 +48,7 @@ TEST(FaultRun, ABrokenRuleIsReportedWithItsMomentInEveryForm) {
   const std::string html = html_text({result}, {summary_of(result, "")});
   EXPECT_NE(html.find("height below 0.5 m"), std::string::npos);
   EXPECT_EQ(html.find("Not <so>"), std::string::npos);
+  EXPECT_NE(html.find("A simulated run flies the same again"), std::string::npos) << "a real one does not";
   EXPECT_EQ(html.find("@DATA@"), std::string::npos);
 }
 
