@@ -206,13 +206,15 @@ std::string by_rule_text(const std::vector<RunSummary>& all) {
 
 std::string csv_text(const std::vector<RunSummary>& all) {
   std::string text = "script,seed,mode,held,flown_s,broken";
-  for (const MetricKind& kind : metric_kinds()) text += fmt::format(",{}", kind.name);
+  constexpr std::string_view has_column = "flown_s";
+  for (const MetricKind& kind : metric_kinds()) text += kind.name == has_column ? "" : fmt::format(",{}", kind.name);
   for (const RunSummary& run : all) {
     std::string broken = fmt::format("{}", fmt::join(run.broken, "; "));
     std::ranges::replace(broken, '"', '\'');
     text += fmt::format("\n\"{}\",{},{},{},{:.3f},\"{}\"", run.script, run.seed, run.mode, run.broken.empty(),
                         to_seconds(run.flown_ns), broken);
     for (const MetricKind& kind : metric_kinds()) {
+      if (kind.name == has_column) continue;
       const auto metric = run.metrics.find(kind.name);
       text += metric == run.metrics.end() ? "," : fmt::format(",{}", metric->second);
     }

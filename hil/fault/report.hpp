@@ -42,7 +42,7 @@ std::string junit_text(const std::vector<RunResult>& results, const std::vector<
 /// One page with everything in it: each run's verdicts and timeline, by_rule() of `all`, and what was not flown.
 std::string html_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
                       const std::vector<NotFlown>& not_flown = {});
-/// A line for each run: script, seed, mode, held, flown_s, the broken rules, then each metric.
+/// A line for each run: script, seed, mode, held, flown_s, the broken rules, then each other metric.
 std::string csv_text(const std::vector<RunSummary>& all);
 
 /// In how many runs, and of how many scripts, a rule broke.

@@ -87,6 +87,8 @@ TEST(ResultsFile, CountsByRuleAndHasALineOfCsvForEachRun) {
   EXPECT_THAT(csv, HasSubstr("\n\"b\",1,,true,0.000,\"\","));
   EXPECT_THAT(csv, HasSubstr(",0.1234567890123,"));
   EXPECT_EQ(std::ranges::count(csv, '\n'), 4);
+  const std::string header = csv.substr(0, csv.find('\n'));
+  EXPECT_EQ(header.find("flown_s"), header.rfind("flown_s")) << "one column of each name";
   EXPECT_THAT(html_text({}, all), HasSubstr("\"scripts\":1"));
 }
 
