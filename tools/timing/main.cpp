@@ -148,7 +148,7 @@ int self_test(const Options& options) {
     if (auto written = write_file(options.json, document.dump(2) + "\n"); !written)
       return fail(written.error().message);
   }
-  std::cout << (test.good() ? "  good enough for link\n" : "  NOT good enough for link: see docs/measuring.md\n");
+  fmt::print("  {} enough for link: {}\n", test.good() ? "good" : "NOT good", criterion());
   return test.good() ? EXIT_SUCCESS : exit_limit;
 }
 

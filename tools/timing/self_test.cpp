@@ -128,6 +128,11 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
   return test;
 }
 
+std::string criterion() {
+  return fmt::format("p99.9 of link's loop at most {:.0f} us, and {} times cyclictest's plus {:.0f} us",
+                     1e3 * max_p999_ms, max_of_cyclictest, 1e3 * beyond_cyclictest_ms);
+}
+
 std::string to_table(const SelfTest& test) {
   std::string text = fmt::format("\n  {:<24}{:>8}{:>8}{:>8}{:>8}{:>9}{:>10}{:>10}\n", "late, us", "p50", "p95", "p99",
                                  "p99.9", "max", "overruns", "turns");

@@ -31,8 +31,7 @@ struct SelfTest {
   std::string why_no_cyclictest;
   double steal_s = 0;  ///< of that core, meanwhile
 
-  /// p99.9 below 200 us, and not above 1.5 times cyclictest's plus 50 us (where that ran): what a flight asks of a
-  /// host.
+  /// What a flight asks of a host: criterion().
   bool good() const;
 };
 
@@ -44,6 +43,8 @@ SelfTest run_self_test(const SelfTestOptions& asked);
 Result<Lateness> parse_cyclictest(const std::string& output);
 
 std::string to_table(const SelfTest& test);
+/// Of SelfTest::good(), in words.
+std::string criterion();
 
 /// What link's way to its drones costs: UDP on this computer's loopback beside the shim's shared memory.
 struct TransportsOptions {

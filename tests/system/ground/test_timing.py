@@ -95,6 +95,7 @@ def test_exit_codes_tell_limits_usage_and_files_apart(flown, tmp_path):
 def test_the_self_test_runs_beside_cyclictest(tmp_path):
     done = timing("--self-test", "--seconds", "2", "--json", tmp_path / "t.json")
     assert done.returncode in (0, 1), done.stderr
+    assert "enough for link: p99.9 of link's loop at most 200 us" in done.stdout
     report = json.loads((tmp_path / "t.json").read_text())
     assert report["loop_ms"]["count"] == 2000
     if report["cyclictest_ms"] is None:
