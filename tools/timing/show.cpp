@@ -69,11 +69,16 @@ class Events {
                         t_ns / ns_per_us, t_ns % ns_per_us, more);
     first_ = false;
   }
-  void name(int process, const std::string& text) {
-    add("M", "process_name", process, 0, 0, fmt::format(R"(,"args":{{"name":"{}"}})", text));
+  void name(int process, const std::string& text) { add_name("process_name", process, 0, text); }
+  void name_lane(int process, std::size_t thread, const std::string& text) {
+    add_name("thread_name", process, thread, text);
   }
 
  private:
+  void add_name(std::string_view kind, int process, std::size_t thread, const std::string& text) {
+    add("M", kind, process, thread, 0, fmt::format(R"(,"args":{{"name":"{}"}})", text));
+  }
+
   std::ostream& out_;
   bool first_ = true;
 };
@@ -224,7 +229,10 @@ std::size_t write_perfetto(std::ostream& out, std::span<const SampleTrace> trace
     const auto free =
         std::find_if(taken.begin(), taken.end(), [&](TimeNs until) { return until <= trace.at(Mark::sampled); });
     const auto lane = static_cast<std::size_t>(free - taken.begin());
-    if (free == taken.end()) taken.push_back(0);
+    if (free == taken.end()) {
+      taken.push_back(0);
+      events.name_lane(trace.drone, lane + 1, fmt::format("samples in flight, {}", lane + 1));
+    }
     taken[lane] = trace.at(trace.last());
     add_trace(events, trace, lane + 1);
   }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 
 #include "tests/unit/tools/timing/some_traces.hpp"
@@ -21,6 +22,7 @@ TEST(Perfetto, EveryEventHasItsMembersAndNoSliceIsNegativeOrCrossesAnother) {
   EXPECT_EQ(write_perfetto(out, flight.traces().pop(), turns({{5, 10, 1500}})), 0U);
   const json document = json::parse(out.str());
   std::map<std::pair<int, int>, std::vector<std::pair<double, double>>> samples;  // of each track
+  std::set<std::pair<int, int>> named;
   std::size_t slices = 0, counters = 0;
   for (const json& event : document.at("traceEvents")) {
     for (const char* member : {"ph", "ts", "pid", "tid", "name"}) ASSERT_TRUE(event.contains(member)) << event;
@@ -28,7 +30,12 @@ TEST(Perfetto, EveryEventHasItsMembersAndNoSliceIsNegativeOrCrossesAnother) {
       ++counters;
       EXPECT_EQ(event["args"]["late_us"], 1500);
     }
+    if (event["name"] == "thread_name") {
+      EXPECT_TRUE(named.emplace(event["pid"], event["tid"]).second) << event;
+      EXPECT_THAT(event["args"]["name"].get<std::string>(), HasSubstr("samples in flight, "));
+    }
     if (event["ph"] != "X") continue;
+    EXPECT_TRUE(named.contains({event["pid"], event["tid"]})) << event;
     ++slices;
     const double begin = event["ts"], duration = event.at("dur");
     ASSERT_GE(duration, 0) << event;
