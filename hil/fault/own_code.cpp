@@ -11,6 +11,7 @@
 #include "common/process/children.hpp"
 #include "ground/plugin/plugin.hpp"
 #include "hil/fault/real/sdk_flight.hpp"
+#include "hil/netem/text_parse.hpp"
 #include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
@@ -130,8 +131,12 @@ Verdict OwnProgram::verdict(TimeNs at_ns) const {
   } else if (ended_here_) {
     verdict.broke(at_ns, "it still ran when the flight's time was up");
   } else if (!children_.has_succeeded(name)) {
-    verdict.broke(at_ns,
-                  fmt::format("it {}: {}", children_.how_it_ended(name), printable(children_.log_tail(name, 3))));
+    std::string what = "it " + children_.how_it_ended(name);
+    const std::string tail = children_.log_tail(name, 3);
+    for (const std::string_view line : split(tail, '\n')) {  // printable() is for one line
+      if (!line.empty()) what += "\n" + printable(line);
+    }
+    verdict.broke(at_ns, what);
   }
   return verdict;
 }

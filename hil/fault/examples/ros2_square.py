@@ -2,8 +2,8 @@
 
     ledgerline fault run hil/scenarios/own/ros2-gap.toml --real --out runs --program 'python3 ros2_square.py'
 
-It speaks DDS by PyPI's cyclonedds, so that it runs without an installed ROS 2. With rclpy Node and its publishers and
-subscription stand in the place of Topics; Controller stays as it is.
+It speaks DDS by PyPI's cyclonedds (build/venv, which ./run-tests makes, has it), so that it runs without an installed
+ROS 2. With rclpy Node and its publishers and subscription stand in the place of Topics; Controller stays as it is.
 """
 import math
 import os

@@ -1,6 +1,8 @@
 """A djitellopy script that flies a square of 1 m; nothing in it knows of Ledgerline.
 
     ledgerline fault run hil/scenarios/own/sdk-client-errors.toml --real --out runs --program 'python3 sdk_square.py'
+
+It needs `pip install djitellopy`; build/venv, which ./run-tests makes, has it.
 """
 import time
 

@@ -35,11 +35,12 @@ def test_what_has_no_link_is_refused_before_anything_flies(tmp_path):
 
 def test_a_program_that_fails_breaks_the_run(tmp_path):
     program = tmp_path / "gives_up.py"
-    program.write_text("import sys\nprint('no drone today')\nsys.exit(3)\n")
+    program.write_text("import sys\nprint('no drone today')\nprint('a\\nb', file=sys.stderr)\nsys.exit(3)\n")
     code, flown = fly(tmp_path, "sdk-client-errors", program)
     assert code == 1
     seen = broken(flown)
-    assert "ended with exit code 3" in seen["your program ends by itself, with exit code 0"]
+    ended = seen["your program ends by itself, with exit code 0"]
+    assert ended.startswith("it ended with exit code 3\n") and ended.endswith("\n  a\n  b"), "each line of its log by itself"
     assert seen["finishes"] == "tello1 never took off"
 
 
