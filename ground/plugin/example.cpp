@@ -6,6 +6,9 @@
 // A reference moves along the path, and the drone is steered to it: the reference's velocity and a share of the way
 // that is missing, for the place where the drone will be when the plan takes effect. How fast it is now this controller
 // takes from two poses, so it works beside a pose source that reports no velocity.
+//
+// A usual mistake: to use the newest state's stamp twice. Set reference_ns_ to pose_ns_ in place of first_ns, and the
+// scenario catches it.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -4,6 +4,8 @@
 
 It speaks DDS by PyPI's cyclonedds (build/venv, which ./run-tests makes, has it), so that it runs without an installed
 ROS 2. With rclpy Node and its publishers and subscription stand in the place of Topics; Controller stays as it is.
+
+A usual mistake: to integrate across a gap. Take out the line that keeps dt_s below MAX_STEP_S, and the scenario catches it.
 """
 import math
 import os

@@ -2,6 +2,7 @@
 
     ledgerline fault run hil/scenarios/own/sdk-client-errors.toml --real --out runs --program 'python3 sdk_square.py'
 
+A usual mistake: to ignore an `error`. Let until_flown() return where it asks again, and the scenario catches it.
 It needs `pip install djitellopy`; build/venv, which ./run-tests makes, has it.
 """
 import time
