@@ -185,17 +185,43 @@ std::string why_unheard(const DiscoveredTopic& seen, const ReadTopic& read) {
   return "";
 }
 
+namespace {
+
+/// What report_unheard() has reported; changed under Discovery's lock.
+class UnheardWriters {
+ public:
+  UnheardWriters(std::vector<ReadTopic> topics, OnUnheard report)
+      : topics_(std::move(topics)),
+        report_(std::move(report)),
+        types_(topics_.size()),
+        left_(topics_.size(), max_unheard_reports) {}
+
+  void update(const DiscoveredTopic& seen) {
+    const auto found = std::ranges::find(topics_, seen.topic, &ReadTopic::topic);
+    if (found == topics_.end()) return;
+    const auto read = static_cast<std::size_t>(found - topics_.begin());
+    const std::string why = why_unheard(seen, *found);
+    std::set<std::string>& types = types_[read];
+    if (why.empty()) {
+      if (types.erase(seen.type) > 0 && types.empty()) report_(read, "");
+    } else if (types.insert(seen.type).second && left_[read] > 0) {
+      --left_[read];
+      report_(read, why);
+    }
+  }
+
+ private:
+  std::vector<ReadTopic> topics_;
+  OnUnheard report_;
+  std::vector<std::set<std::string>> types_;  ///< by topic: those of writers that are not heard
+  std::vector<int> left_;                     ///< reports, by topic
+};
+
+}  // namespace
+
 Result<Discovery> report_unheard(ParticipantPtr participant, std::vector<ReadTopic> topics, OnUnheard report) {
-  std::set<std::pair<std::string, bool>> reported;  // topic, and whether its type is another
-  return Discovery::create(std::move(participant),
-                           [topics = std::move(topics), report = std::move(report),
-                            reported = std::move(reported)](const DiscoveredTopic& seen) mutable {
-                             for (std::size_t i = 0; i < topics.size(); ++i) {
-                               const std::string why = why_unheard(seen, topics[i]);
-                               if (!why.empty() && reported.emplace(seen.topic, seen.type != topics[i].type).second)
-                                 report(i, why);
-                             }
-                           });
+  return Discovery::create(std::move(participant), [writers = UnheardWriters(std::move(topics), std::move(report))](
+                                                       const DiscoveredTopic& seen) mutable { writers.update(seen); });
 }
 
 }  // namespace ledgerline::dds

@@ -132,9 +132,14 @@ struct ReadTopic {
 /// Why a reader does not hear somebody who writes its topic, as a sentence; empty: it hears all who do.
 std::string why_unheard(const DiscoveredTopic& seen, const ReadTopic& read);
 
-/// Reports who writes one of these topics and is not heard, as why_unheard() has it: of each topic once for types and
-/// once for QoS, however many there are, as long as the Discovery is kept. `read`: the index of the topic; of one that
-/// is there twice, the first. As Discovery's callback.
+/// In all, of each topic. Of processes that come and go: a tenth is a morning of a pilot's tries, ten times as many are
+/// a log that nobody reads.
+inline constexpr int max_unheard_reports = 100;
+
+/// Reports who writes one of these topics and is not heard, as why_unheard() has it, as long as the Discovery is kept:
+/// each type, or QoS of the right type, when its first writer appears, also after the last one vanished; of a topic
+/// max_unheard_reports times at most. With an empty `why`: all who write the topic are heard now. `read`: the index of
+/// the topic; of one that is there twice, the first. As Discovery's callback.
 using OnUnheard = std::function<void(std::size_t read, const std::string& why)>;
 Result<Discovery> report_unheard(ParticipantPtr participant, std::vector<ReadTopic> topics, OnUnheard report);
 

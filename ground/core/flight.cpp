@@ -109,7 +109,12 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   if (outbox_ && !inputs.more) outbox_->submit(now_ns, next_id_, out);
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     if (!drones_[i]->diagnosis.is_due(now_ns)) continue;
-    const auto found = drones_[i]->diagnosis.update(now_ns, diagnose(now_ns, i));
+    Diagnosis::Finding finding = diagnose(now_ns, i);
+    if (i < inputs.unheard.size() && !inputs.unheard[i].empty()) {
+      finding.level = std::max(finding.level, DiagnosticLevel::warn);
+      finding.words += "; " + inputs.unheard[i];
+    }
+    const auto found = drones_[i]->diagnosis.update(now_ns, std::move(finding));
     if (!found) continue;
     const std::string& name = config_.drones[i].name;
     const Header header{inputs.realtime_s * ns_per_s, name + "/base_link"};

@@ -128,6 +128,7 @@ struct FlightInputs {
   std::span<const PilotCommand> commands;
   std::span<const StateSample> states;  ///< without a ledger: straight from link
   std::int64_t realtime_s = 0;          ///< for the expiry of certificates
+  std::vector<std::string> unheard{};   ///< by drone: why somebody who writes its topics is not heard; empty: all are
 };
 
 /// What a block says of a drone; CDR as it came. Empty is what it does not say, or has said before.

@@ -345,7 +345,10 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
 
 void Ground::step(std::vector<FlightInputs> inputs) {
   std::vector<std::string> notes;
+  const std::vector<std::string> unheard = topics_.unheard();
   for (std::size_t i = 0; i < channels_.size(); ++i) {
+    for (std::size_t k = 0; !unheard.empty() && k < view_.of_channel(i).drones().size(); ++k)
+      inputs[i].unheard.push_back(unheard[view_.drone_at({i, k})]);
     inputs[i].realtime_s = realtime_ns() / ns_per_s;
     FlightOutputs out = channels_[i]->core().step(monotonic_ns(), inputs[i]);
     act(i, out);

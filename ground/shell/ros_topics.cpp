@@ -62,14 +62,26 @@ Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on
     }
   }
   if (read.empty()) return done;
-  std::vector<std::size_t> drone_of;
-  for (const Reader& one : readers_) drone_of.push_back(one.drone);
-  auto unheard = dds::report_unheard(
-      participant_, std::move(read),
-      [drone_of, on_unheard](std::size_t topic, const std::string& why) { on_unheard(drone_of[topic], why); });
-  if (!unheard) return unheard.error();
-  unheard_ = std::move(unheard).value();
+  auto discovery =
+      dds::report_unheard(participant_, std::move(read), [this, on_unheard](std::size_t topic, const std::string& why) {
+        {
+          const std::lock_guard lock(unheard_mutex_);
+          unheard_why_[topic] = why;
+          if (why.empty()) unheard_why_.erase(topic);
+        }
+        if (!why.empty()) on_unheard(readers_[topic].drone, why);
+      });
+  if (!discovery) return discovery.error();
+  discovery_ = std::move(discovery).value();
   return done;
+}
+
+std::vector<std::string> RosTopics::unheard() const {
+  const std::lock_guard lock(unheard_mutex_);
+  if (unheard_why_.empty()) return {};
+  std::vector<std::string> why(drones_.size());
+  for (const auto& [topic, words] : unheard_why_) why[readers_[topic].drone] = words;
+  return why;
 }
 
 ShellCounters::Pilot RosTopics::losses(std::size_t drone) const {

@@ -1,6 +1,8 @@
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -26,10 +28,12 @@ class RosTopics {
 
   /// A message of that drone's topic; on a thread of DDS.
   using OnMessage = std::function<void(std::size_t drone, const PilotTopic& topic, std::string_view cdr)>;
-  /// Somebody writes one of that drone's topics and is not heard, once a topic; on a thread of DDS.
+  /// Somebody writes one of that drone's topics and is not heard: dds::report_unheard(); on a thread of DDS.
   using OnUnheard = std::function<void(std::size_t drone, const std::string& why)>;
   Status read_pilots(const PilotSettings& settings, const OnMessage& on_message, const OnUnheard& on_unheard);
 
+  /// Why somebody who writes a drone's topics is not heard, by drone; empty: all of all drones are. Any thread.
+  std::vector<std::string> unheard() const;
   /// Messages of that drone's pilot that DDS did not hand over.
   ShellCounters::Pilot losses(std::size_t drone) const;
   /// What the ledger had of that drone, but was no such message, or DDS did not take.
@@ -46,7 +50,9 @@ class RosTopics {
   std::vector<Reader> readers_;
   std::vector<std::uint64_t> unpublished_;  ///< of each drone
   TimeNs next_warning_ns_ = 0;
-  std::optional<dds::Discovery> unheard_;  ///< of the topics that are read
+  mutable std::mutex unheard_mutex_;
+  std::map<std::size_t, std::string> unheard_why_;  ///< by index into readers_
+  std::optional<dds::Discovery> discovery_;         ///< of the topics that are read
 };
 
 }  // namespace ledgerline::ground

@@ -167,9 +167,10 @@ Status MocapInput::open() {
     inputs_.push_back(std::move(input));
     read.push_back({pose_topic_of(settings_.mocap_topic, drone.name), name(settings_.mocap_message), qos});
   }
-  auto unheard = dds::report_unheard(
-      participant_, std::move(read),
-      [label = label_](std::size_t, const std::string& why) { spdlog::warn("{}{} ([mocap] type)", label, why); });
+  auto unheard =
+      dds::report_unheard(participant_, std::move(read), [label = label_](std::size_t, const std::string& why) {
+        if (!why.empty()) spdlog::warn("{}{} ([mocap] type)", label, why);
+      });
   if (!unheard) return unheard.error();
   unheard_ = std::move(unheard).value();
   return done;

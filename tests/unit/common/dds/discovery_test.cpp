@@ -154,6 +154,22 @@ TEST_F(Topics, WhoWritesWhatIsReadAndIsNotHeardIsReportedOnce) {
   EXPECT_EQ(reports.items().size(), 2u);
 }
 
+TEST_F(Topics, WhoComesLaterAndIsNotHeardIsReportedToo) {
+  Inbox<std::string> reports;
+  const auto reporting = report_unheard(own_, {{"/seen/cmd_vel", nested, {.reliable = false}}},
+                                        [&](std::size_t, const std::string& why) { reports.add(why); });
+  ASSERT_TRUE(reporting) << reporting.error().message;
+  for (std::size_t n = 1; n <= 2; ++n) {
+    {
+      const auto wrong = writer(other_, "/seen/cmd_vel", other_type);
+      ASSERT_TRUE(reports.wait_for(2 * n - 1));
+    }
+    ASSERT_TRUE(reports.wait_for(2 * n));
+    EXPECT_THAT(reports.items()[2 * n - 2], testing::HasSubstr("is written as"));
+    EXPECT_EQ(reports.items()[2 * n - 1], "") << "nobody does any more";
+  }
+}
+
 TEST_F(Topics, EndpointsBeyondTheBoundAreLeftOutAndCounted) {
   const auto one = writer(other_, "/seen/one");
   const Discovery discovery = watch(1);

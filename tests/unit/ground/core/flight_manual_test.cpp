@@ -269,6 +269,17 @@ TEST(ManualFlight, Ros2IsToldOfAStoppedDroneThatStandsOnTheGround) {
   EXPECT_THAT(status_in(world.diagnoses.back()).second, HasSubstr("no take-off: it is stopped by"));
 }
 
+TEST(ManualFlight, Ros2IsWarnedAsLongAsSomebodyWritesATopicAndIsNotHeard) {
+  FlightWorld world(manual_config(1));
+  world.unheard = {"/tello1/cmd_vel is written as another type"};
+  world.run(1);
+  EXPECT_EQ(status_in(world.diagnoses.back()),
+            std::pair(1, std::string("may take off; /tello1/cmd_vel is written as another type")));
+  world.unheard.clear();
+  world.run(1);
+  EXPECT_EQ(status_in(world.diagnoses.back()), std::pair(0, std::string("may take off")));
+}
+
 TEST(ManualFlight, Ros2HearsThatAStopIsCleared) {
   Flying world(1);
   world.say({.drone = 0, .stop = true});

@@ -173,7 +173,8 @@ class FlightWorld {
   std::vector<CommandCall> calls;
   std::size_t updates = 0;  ///< with odometry
   std::vector<std::string> notes, diagnoses;
-  std::vector<DronesCall> stops;  ///< as they were submitted
+  std::vector<std::string> unheard;  ///< FlightInputs::unheard
+  std::vector<DronesCall> stops;     ///< as they were submitted
   bool all_stops_urgent = true;
   fabric::Outcome::Kind end_of_stops = fabric::Outcome::Kind::committed;
 
@@ -184,7 +185,8 @@ class FlightWorld {
     fabric::Outcome outcome;
   };
 
-  void give(const FlightInputs& inputs) {
+  void give(FlightInputs inputs) {
+    inputs.unheard = unheard;
     FlightOutputs out = core.step(now_ns, inputs);
     traces.insert(traces.end(), out.traces.begin(), out.traces.end());
     for (const DroneUpdate& one : out.updates) updates += one.odometry.empty() ? 0 : 1;
