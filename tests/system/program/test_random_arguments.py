@@ -96,6 +96,7 @@ def case(number: int, known: list, files: list[str], home: pathlib.Path) -> str:
 
 
 def test_no_argument_environment_or_file_makes_a_program_crash_or_hang(files, tmp_path):
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and its children with it
     known = commands()
     assert len(known) > 100, known
     with concurrent.futures.ThreadPoolExecutor(2 * (os.cpu_count() or 1)) as pool:
