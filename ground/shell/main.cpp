@@ -15,6 +15,9 @@ namespace {
 
 using namespace ledgerline;
 
+/// Nothing has flown: ledgerline-ground.service starts it again, which it does not after exit_failed.
+constexpr int exit_not_started = 3;
+
 /// Topics, trace and page know a drone by its name, and shared memory by its number.
 Status check_drones(const std::vector<ground::FlightDrone>& drones) {
   if (drones.empty()) return Error{"no [[drone]] to fly"};
@@ -76,7 +79,7 @@ int fly(Config& config) {
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     fabric::ClientConfig& own = (*ledgers)[i];
     const auto longer_ns = fabric::apply_timeouts(own);
-    if (!longer_ns) return fail(longer_ns.error());
+    if (!longer_ns) return fail(longer_ns.error(), exit_not_started);
     if (const Status s = endorser::start_own_endorser(within, own); !s) return fail(s.error(), exit_usage);
     ground::FlightConfig of_channel = ground::flight_of_channel(flight, channels.of_drone, i);
     of_channel.limits.warn_silence_ns += *longer_ns;
@@ -86,15 +89,15 @@ int fly(Config& config) {
     parts.push_back(std::move(*made));
   }
   auto participant = dds::Participant::create(dds);
-  if (!participant) return fail(participant.error());
+  if (!participant) return fail(participant.error(), exit_not_started);
   ground::Ground ground(std::move(parts), channels.of_drone, output, pilot, *participant, std::move(*certificates));
   if (!service.listen.empty()) {
     if (auto status = ground.serve(service, std::move(missions), *ledgers); !status)
       return fail(status.error(), exit_usage);
   }
-  if (auto status = ground.start(stop_requested); !status) return fail(status.error());
+  if (auto status = ground.start(stop_requested); !status) return fail(status.error(), exit_not_started);
   const auto bridges = bridge::BesideBridges::create(config, careful, bridged, *participant);
-  if (!bridges) return fail(bridges.error());
+  if (!bridges) return fail(bridges.error(), exit_not_started);
   print_line(ground.page_url().empty() ? R"({"ready":true})"
                                        : fmt::format(R"({{"ready":true,"page":"{}"}})", ground.page_url()));
   return exit_code(ground.run(stop_requested));
@@ -124,7 +127,7 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +
     R"(Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong), while a stop ends
-a flight along a path with 1; 1 not so; 2 bad usage or config)";
+a flight along a path with 1; 1 not so; 2 bad usage or config; 3 it could not begin, as without a ledger for 15 s)";
 
 }  // namespace
 

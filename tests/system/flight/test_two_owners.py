@@ -2,6 +2,7 @@
 import json
 import os
 import pathlib
+import re
 import subprocess
 
 import pytest
@@ -61,3 +62,10 @@ def test_an_operator_flies_drones_of_two_other_organisations_in_one_mission(tmp_
         agent = json.loads((host.directory / "agent.json").read_text())
         commands = agent["drones"][0]["commands"]
         assert commands["on_ledger"] > 100 and commands["verified"] > 0.9 * commands["on_ledger"], commands
+
+    config = (tmp_path / "ground.toml").read_text()
+    (tmp_path / "early.toml").write_text(re.sub(r'\nendpoint = ".*"', '\nendpoint = "127.0.0.1:9"', config, count=1))
+    early = subprocess.run([BIN / "ledgerline-ground", "--config", tmp_path / "early.toml"], capture_output=True, text=True,
+                           timeout=TIMEOUT_S)
+    assert early.returncode == 3, "ledgerline-ground.service starts it again"
+    assert "gave up after 15 s waiting until the ledger's blocks can be read" in early.stderr, early.stderr

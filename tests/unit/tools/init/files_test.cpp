@@ -164,6 +164,13 @@ TEST(InitFiles, KeepStateWhereTheServicesMayWrite) {
   EXPECT_THAT(text_of(bridge, "bridge.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-bridge")));
 }
 
+// A ledger whose host boots later is waited for; a flight that ended early is not flown again.
+TEST(InitFiles, AGroundThatCouldNotBeginIsStartedAgain) {
+  const auto unit = read_file(LEDGERLINE_SOURCE "/packaging/systemd/ledgerline-ground.service");
+  ASSERT_TRUE(unit) << unit.error().message;
+  EXPECT_THAT(*unit, HasSubstr("\nRestart=on-abnormal\nRestartForceExitStatus=3\n"));
+}
+
 TEST(InitFiles, SayWhatProgramsShowWhereTheLedgerAsksForACertificate) {
   for (const Role role : {Role::drone_host, Role::ground, Role::bridge, Role::admin}) {
     HostPlan with = plan(fabric_deployment, role == Role::drone_host ? "raven" : "ground");
