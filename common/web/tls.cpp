@@ -147,6 +147,6 @@ std::optional<Status> RenewedTls::renew() {
   return done;
 }
 
-std::int64_t RenewedTls::days_left() const { return renewal_.days_left(realtime_ns() / ns_per_s); }
+std::int64_t RenewedTls::seconds_left() const { return renewal_.not_after_s() - realtime_ns() / ns_per_s; }
 
 }  // namespace ledgerline::web

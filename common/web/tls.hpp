@@ -36,8 +36,8 @@ class RenewedTls {
   /// Looks whether the files have changed (crypto::Renewal). nullopt: no news; done: taken; an error: why not, said
   /// once, and the old ones stay.
   std::optional<Status> renew();
-  /// Whole days that its certificate is valid for; below 0: it has run out.
-  std::int64_t days_left() const;
+  /// That its certificate is valid for; below 0: it has run out.
+  std::int64_t seconds_left() const;
 
  private:
   RenewedTls(TlsFiles files, TlsContext context, crypto::Renewal renewal)

@@ -64,8 +64,8 @@ Result<Pair> made_in(const identity::Home& home) {
 }
 
 Status print(const Pair& pair) {
-  print_line(fmt::format("{}, for {} days", printable(pair.certificate.subject),
-                         crypto::days_left(pair.certificate.not_after_s, unix_now_s())));
+  print_line(fmt::format("{}, for {}", printable(pair.certificate.subject),
+                         crypto::span_in_words(pair.certificate.not_after_s - unix_now_s())));
   return done;
 }
 

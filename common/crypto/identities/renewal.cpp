@@ -21,10 +21,18 @@ Ends ends(std::int64_t not_after_s, std::int64_t now_s) {
   return left < renew_within_days ? Ends::soon : Ends::later;
 }
 
+std::string span_in_words(std::int64_t seconds) {
+  constexpr std::int64_t minute_s = 60, hour_s = 3'600;
+  if (seconds >= 2 * day_s) return fmt::format("{} days", seconds / day_s);
+  if (seconds >= 2 * hour_s) return fmt::format("{} hours", seconds / hour_s);
+  if (seconds >= 2 * minute_s) return fmt::format("{} minutes", seconds / minute_s);
+  return fmt::format("{} seconds", seconds);
+}
+
 std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std::int64_t now_s) {
-  const std::int64_t left = days_left(not_after_s, now_s);
-  if (left < 0) return fmt::format("the certificate of {} has ended", printable(whose));
-  return fmt::format("the certificate of {} ends in {} {}", printable(whose), left, left == 1 ? "day" : "days");
+  const std::int64_t left_s = not_after_s - now_s;
+  if (left_s < 0) return fmt::format("the certificate of {} has ended", printable(whose));
+  return fmt::format("the certificate of {} ends in {}", printable(whose), span_in_words(left_s));
 }
 
 std::optional<Result<Renewal::Pair>> Renewal::check_files(const std::vector<std::string>& files, std::int64_t now_s,

@@ -22,6 +22,8 @@ enum class Ends { later, soon, urgent, over };
 /// Whole days until `not_after_s`; below 0: it has ended. Both are Unix time.
 std::int64_t days_left(std::int64_t not_after_s, std::int64_t now_s);
 Ends ends(std::int64_t not_after_s, std::int64_t now_s);
+/// "3 days", "20 hours", "5 minutes": the largest unit of which there are two.
+std::string span_in_words(std::int64_t seconds);
 /// "the certificate of X ends in 12 days"; `whose` is made printable.
 std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std::int64_t now_s);
 

@@ -133,8 +133,8 @@ std::optional<Renewal::Pair> CertificateWatch::renewed(Renewal& renewal, const s
   }
   if (!(*found)->is_new) return std::nullopt;
   update_first_end();
-  report_(Weight::info, fmt::format("{} has a renewed certificate, for {} days; it is used from now on",
-                                    renewal.whose(), renewal.days_left(now_s)));
+  report_(Weight::info, fmt::format("{} has a renewed certificate, for {}; it is used from now on", renewal.whose(),
+                                    crypto::span_in_words(renewal.not_after_s() - now_s)));
   return std::move(**found);
 }
 

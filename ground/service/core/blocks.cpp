@@ -52,17 +52,22 @@ std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t
 void CertificateEnds::add(const fabric::Block& block) {
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.code != 0 || tx.function != contract::set) continue;
-    const bool known =
-        std::ranges::any_of(writers_, [&](const auto& one) { return one.second.serialized == tx.creator; });
-    if (known) continue;
+    const auto known =
+        std::ranges::find_if(writers_, [&](const auto& one) { return one.second.serialized == tx.creator; });
+    if (known != writers_.end()) {
+      known->second.sets_of_old = 0;
+      continue;
+    }
     const auto read = crypto::read_serialized(tx.creator);
     if (!read) continue;  // peers take none such
     const std::int64_t begin_s = read->certificate.not_before_s, end_s = read->certificate.not_after_s;
     const auto found = writers_.find(read->name);
     if (found == writers_.end() && writers_.size() >= max_writers) continue;
-    // What was signed before a renewal may come behind it. A newer certificate may end sooner.
+    // What was signed before a renewal may come behind it. A newer certificate may end sooner, and, since
+    // authorities backdate, begin before the one that it replaces.
     if (found != writers_.end() &&
-        std::pair(begin_s, end_s) <= std::pair(found->second.not_before_s, found->second.not_after_s))
+        std::pair(begin_s, end_s) <= std::pair(found->second.not_before_s, found->second.not_after_s) &&
+        ++found->second.sets_of_old < sets_of_old)
       continue;
     writers_.insert_or_assign(
         read->name, Writer{tx.creator,

@@ -57,6 +57,8 @@ std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t
 class CertificateEnds {
  public:
   static constexpr std::size_t max_writers = 256;  ///< beyond it new ones are not looked at
+  /// So many transactions in a row, which is more than are in flight at a renewal: an older certificate is in use.
+  static constexpr std::size_t sets_of_old = 100;
 
   void add(const fabric::Block& block);
   /// What is to be reported now, each once (crypto::Renewal::pop_end_notice).
@@ -67,6 +69,7 @@ class CertificateEnds {
     std::string serialized;  ///< msp.SerializedIdentity
     std::int64_t not_before_s = 0, not_after_s = 0;
     crypto::Renewal renewal;
+    std::size_t sets_of_old = 0;  ///< since the last one with this certificate
   };
   std::map<crypto::IdentityName, Writer> writers_;
 };

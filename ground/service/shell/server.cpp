@@ -123,12 +123,13 @@ class BeastServer final : public Server {
         report(Level::warning, "ground's page keeps its old TLS certificate: " + renewed->error().message);
     }
     // A user who cannot open the page cannot press its stop.
-    if (near_end_said_ || tls_->days_left() >= crypto::renew_within_days) return;
+    const std::int64_t left_s = tls_->seconds_left();
+    if (near_end_said_ || left_s >= crypto::renew_within_days * crypto::day_s) return;
     near_end_said_ = true;
     report(Level::warning,
-           tls_->days_left() < 0
+           left_s < 0
                ? std::string("the TLS certificate of ground's page has run out: browsers refuse it")
-               : fmt::format("the TLS certificate of ground's page runs out in {} days", tls_->days_left()));
+               : fmt::format("the TLS certificate of ground's page runs out in {}", crypto::span_in_words(left_s)));
   }
 
   void report(Level level, const std::string& words) {

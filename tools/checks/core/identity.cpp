@@ -66,15 +66,6 @@ std::string cure_of_order(const IdentityInputs& inputs) {
   return fmt::format("`ledgerline init --certificate {} --msp-dir {}`", inputs.certificate_file, inputs.msp_dir);
 }
 
-/// "3 days", "20 hours", "5 minutes": the largest unit of which there are two.
-std::string span_words(std::int64_t seconds) {
-  constexpr std::int64_t minute_s = 60, hour_s = 3'600, day_s = 86'400;
-  if (seconds >= 2 * day_s) return fmt::format("{} days", seconds / day_s);
-  if (seconds >= 2 * hour_s) return fmt::format("{} hours", seconds / hour_s);
-  if (seconds >= 2 * minute_s) return fmt::format("{} minutes", seconds / minute_s);
-  return fmt::format("{} seconds", seconds);
-}
-
 bool is_locked(const std::string& key_pem) { return key_pem.find("ENCRYPTED") != std::string::npos; }
 
 /// Leaves the key's own certificate first, so that dates and issuer are checked of that one.
@@ -136,11 +127,12 @@ Findings assess(IdentityInputs inputs, const std::vector<AuthorityInputs>& autho
   const std::int64_t left_s = certificate->not_after_s - now_s;
   const bool in_date = certificate->not_before_s <= now_s && now_s <= certificate->not_after_s;
   if (left_s < 0) {
-    out.push_back(flag(Problem::identity_expired, check, fmt::format("{}, {} ago", who, span_words(-left_s))));
+    out.push_back(
+        flag(Problem::identity_expired, check, fmt::format("{}, {} ago", who, crypto::span_in_words(-left_s))));
   } else if (now_s < certificate->not_before_s) {
     out.push_back(flag(Problem::identity_not_yet, check, who));
   } else if (crypto::days_left(certificate->not_after_s, now_s) < crypto::renew_within_days) {
-    out.push_back(flag(Problem::identity_ends, check, fmt::format("{}, in {}", who, span_words(left_s))));
+    out.push_back(flag(Problem::identity_ends, check, fmt::format("{}, in {}", who, crypto::span_in_words(left_s))));
   }
   if (!authorities.empty() && in_date) {
     if (const std::string why = outsider(inputs, authorities, now_s); !why.empty()) {
@@ -156,7 +148,8 @@ Findings assess(IdentityInputs inputs, const std::vector<AuthorityInputs>& autho
     }
   }
   if (out.empty())
-    out.push_back(fine(check, fmt::format("{} {}, for {}", inputs.msp_id, certificate->subject, span_words(left_s))));
+    out.push_back(
+        fine(check, fmt::format("{} {}, for {}", inputs.msp_id, certificate->subject, crypto::span_in_words(left_s))));
   return out;
 }
 

@@ -120,7 +120,10 @@ TEST(EndOfACertificate, WeighsMoreInTheLastThreeDaysAndBehindIt) {
   EXPECT_EQ(renewal.pop_end_notice(end_s - 3 * day_s)->weight, Renewal::Weight::warning);
   const auto near = renewal.pop_end_notice(end_s - 2 * day_s + 1);
   EXPECT_EQ(near->weight, Renewal::Weight::alarm);
-  EXPECT_EQ(near->words, "the certificate of raven ends in 1 day");
+  EXPECT_EQ(near->words, "the certificate of raven ends in 47 hours");
+  const auto last = renewal.pop_end_notice(end_s - 5 * 3'600);
+  EXPECT_EQ(last->weight, Renewal::Weight::alarm);
+  EXPECT_EQ(last->words, "the certificate of raven ends in 5 hours");
   const auto over = renewal.pop_end_notice(end_s + 1);
   EXPECT_EQ(over->weight, Renewal::Weight::alarm);
   EXPECT_EQ(over->words, "the certificate of raven has ended");

@@ -61,6 +61,19 @@ TEST_F(CertificateEndsOfAgents, EndWithARenewalThoughTheOldOneIsSeenOnceMore) {
   EXPECT_TRUE(ends_.pop_due(now_s_ + crypto::day_s).empty());
 }
 
+// Authorities backdate: one that is made within minutes of another may begin before it.
+TEST_F(CertificateEndsOfAgents, AreOfTheCertificateInUseThoughItBeganBeforeTheOldOne) {
+  const std::string shorter = identity_of("raven", 1);
+  ends_.add(block_of("set", identity_of("raven", 100)));
+  for (std::size_t i = 1; i < CertificateEnds::sets_of_old; ++i) ends_.add(block_of("set", shorter));
+  EXPECT_TRUE(ends_.pop_due(now_s_).empty());
+  ends_.add(block_of("set", shorter));
+  const auto words = ends_.pop_due(now_s_);
+  ASSERT_EQ(words.size(), 1U);
+  EXPECT_EQ(words[0].words, "the certificate of agent Org1MSP CN=raven,OU=client ends in 23 hours");
+  EXPECT_EQ(words[0].weight, Weight::alarm);
+}
+
 TEST_F(CertificateEndsOfAgents, AreNotTakenFromWhatIsInvalidOrNoState) {
   ends_.add(block_of("set", identity_of("raven", 2), 10));
   ends_.add(block_of("command", identity_of("crow", 2)));
