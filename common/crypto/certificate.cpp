@@ -86,14 +86,27 @@ Result<std::int64_t> unix_time(const ASN1_TIME* time) {
   return static_cast<std::int64_t>(timegm(&parts));
 }
 
+namespace {
+
+Result<std::string> name_in_words(const X509_NAME* name) {
+  const BioPtr text(BIO_new(BIO_s_mem()));
+  if (!text || X509_NAME_print_ex(text.get(), name, 0, XN_FLAG_RFC2253) < 0) {
+    return Error{"a name in the certificate cannot be read: " + openssl_error()};
+  }
+  return text_of(text.get());
+}
+
+}  // namespace
+
 Result<Certificate> describe(X509* certificate) {
   const X509_NAME* name = X509_get_subject_name(certificate);
   Certificate out;
-  const BioPtr text(BIO_new(BIO_s_mem()));
-  if (!text || X509_NAME_print_ex(text.get(), name, 0, XN_FLAG_RFC2253) < 0) {
-    return Error{"the certificate's subject cannot be read: " + openssl_error()};
-  }
-  out.subject = text_of(text.get());
+  auto subject = name_in_words(name);
+  if (!subject) return subject.error();
+  auto issuer = name_in_words(X509_get_issuer_name(certificate));
+  if (!issuer) return issuer.error();
+  out.subject = std::move(*subject);
+  out.issuer = std::move(*issuer);
   // The last one, which is the most specific: what RFC 2253 writes first.
   if (auto names = values_of(name, NID_commonName); !names.empty()) out.common_name = names.back();
   out.units = values_of(name, NID_organizationalUnitName);

@@ -55,6 +55,7 @@ struct Certificate {
   std::string common_name;
   std::vector<std::string> units;                  ///< OU values: "admin", "client", "peer", "orderer" (NodeOUs)
   std::int64_t not_before_s = 0, not_after_s = 0;  ///< Unix time
+  std::string issuer{};                            ///< as `subject`
 };
 Result<Certificate> parse_certificate(const std::string& pem);
 /// The text of a PEM file that begins with a certificate, such as one with authorities. An error names the file.
@@ -196,6 +197,8 @@ struct NamedCertificate {
 Result<NamedCertificate> read_serialized(std::string_view serialized);
 /// The certificates of its authorities, in cacerts/ and intermediatecerts/, as PEM; empty: the folder has none.
 Result<std::string> authorities_in(const std::string& msp_dir);
+/// The bytes of msp.SerializedIdentity.
+std::string serialized_identity(const std::string& msp_id, const std::string& certificate_pem);
 Result<std::string> certificate_file(const std::string& msp_dir);
 Result<std::string> key_file(const std::string& msp_dir);
 /// The content of a private key's file, PEM or not. Refuses one that others may read (is_private()).

@@ -16,6 +16,7 @@
 #include "tools/command/verbs.hpp"
 #include "tools/identity/core/authority_commands.hpp"
 #include "tools/identity/shell/place.hpp"
+#include "tools/init/core/host.hpp"
 
 namespace {
 
@@ -150,22 +151,29 @@ Status revoke(Options& options) {
 }
 
 struct Shown {
-  std::string what, subject, problem;
-  std::int64_t days = 0;
+  std::string what, subject, issuer, problem;
+  std::int64_t left_s = 0;
 };
 
-Shown inspect(const std::string& what, const IdentityPlace& place) {
+/// `config_dir`: where the host's authorities/ are; empty: beside the folder.
+Shown inspect(const std::string& what, const IdentityPlace& place, const std::string& config_dir) {
   const auto files = place.files_now();
   const auto pair = files ? crypto::read_pair(*files) : Result<Pair>(files.error());
-  Shown shown{.what = what, .subject = {}, .problem = {}};
+  Shown shown{.what = what, .subject = {}, .issuer = {}, .problem = {}};
   if (!pair) {
     shown.problem = pair.error().message;
     return shown;
   }
   shown.subject = printable(pair->certificate.subject);
-  shown.days = crypto::days_left(pair->certificate.not_after_s, unix_now_s());
-  if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits)
-    shown.problem = fits.error().message;
+  shown.issuer = printable(pair->certificate.issuer);
+  shown.left_s = pair->certificate.not_after_s - unix_now_s();
+  Status good = crypto::check_fits(pair->key_pem, pair->certificate_pem);
+  if (good && !place.msp_dir.empty()) {
+    const std::filesystem::path folder = std::filesystem::absolute(place.msp_dir).lexically_normal();
+    good = init::check_authority(config_dir.empty() ? folder.parent_path().string() : config_dir, folder.string(),
+                                 pair->certificate_pem);
+  }
+  if (!good) shown.problem = good.error().message;
   return shown;
 }
 
@@ -202,19 +210,22 @@ Result<bool> status(const Options& options) {
   bool good = true;
   nlohmann::json all = nlohmann::json::array();
   for (const auto& [what, place] : places) {
-    const Shown one = inspect(what, place);
-    good = good && one.problem.empty() && one.days >= crypto::renew_within_days;
+    const std::string config_dir =
+        options.config.empty() ? "" : std::filesystem::absolute(options.config).parent_path().string();
+    const Shown one = inspect(what, place, config_dir);
+    good = good && one.problem.empty() && one.left_s >= crypto::renew_within_days * crypto::day_s;
     if (options.json) {
       all.push_back({{"what", what},
                      {"place", identity::text_of(place)},
                      {"subject", one.subject},
-                     {"days", one.days},
+                     {"issuer", one.issuer},
+                     {"days", crypto::days_left(one.left_s, 0)},
                      {"problem", one.problem}});
     } else if (!one.problem.empty()) {
       print_line(fmt::format("{}: {}", what, one.problem));
     } else {
-      print_line(fmt::format("{}: {}, {}", what, one.subject,
-                             one.days < 0 ? "has ended" : fmt::format("{} days left", one.days)));
+      print_line(fmt::format("{}: {}, of {}, {}", what, one.subject, one.issuer,
+                             one.left_s < 0 ? "has ended" : crypto::span_in_words(one.left_s) + " left"));
     }
   }
   if (options.json) print_line(nlohmann::json{{"certificates", all}}.dump());

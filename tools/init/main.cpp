@@ -211,7 +211,7 @@ int ledgerline::command::init(int argc, char** argv) {
     return 0;
   }
   if (!certificate.empty()) {
-    const auto certified = init::install_certificate(msp_dir, certificate);
+    const auto certified = init::install_certificate(options.folders, certificate);
     if (!certified) return fail(certified.error());
     print_line(printable(*certified));
     return 0;

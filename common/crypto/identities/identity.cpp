@@ -134,10 +134,7 @@ Result<SigningIdentity> load(Library library, const std::string& msp_id, const I
 
   SigningIdentity identity;
   identity.name = {msp_id, named->subject};
-  msp::SerializedIdentity serialized;
-  serialized.set_mspid(msp_id);
-  serialized.set_id_bytes(named->pem);
-  identity.serialized = serialized.SerializeAsString();
+  identity.serialized = serialized_identity(msp_id, named->pem);
   identity.signer = std::move(*signer);
   return identity;
 }
@@ -175,6 +172,13 @@ Result<IdentityFiles> identity_files(const std::string& msp_dir) {
   auto key = key_file(msp_dir);
   if (!key) return key.error();
   return IdentityFiles{*certificate, key_of(*certificate, std::move(*key))};
+}
+
+std::string serialized_identity(const std::string& msp_id, const std::string& certificate_pem) {
+  msp::SerializedIdentity identity;
+  identity.set_mspid(msp_id);
+  identity.set_id_bytes(certificate_pem);
+  return identity.SerializeAsString();
 }
 
 Result<NamedCertificate> read_serialized(std::string_view serialized) {

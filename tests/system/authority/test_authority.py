@@ -186,6 +186,14 @@ def test_an_identity_is_enrolled_renewed_and_revoked_by_the_page(network, tmp_pa
     assert [file.name for file in msp.parent.iterdir()] == ["msp"], "nothing of the question stays"
     shown = json.loads(identity("status", "--msp-dir", msp, "--json"))["certificates"]
     assert shown[0]["subject"] == "CN=raven,OU=client,O=org1.ledgerline" and shown[0]["days"] > 3000, shown
+    assert "CN=ca.org1.ledgerline" in shown[0]["issuer"] and shown[0]["problem"] == "", shown
+    authorities = msp.parent / "authorities"
+    authorities.mkdir()
+    shutil.copy(organisation(network.directory, 2) / "ca/ca.org2.ledgerline-cert.pem", authorities / "Org2MSP.pem")
+    foreign = subprocess.run([BIN / "ledgerline", "identity", "status", "--msp-dir", msp], capture_output=True, text=True, timeout=60)
+    assert foreign.returncode == 1 and "no member of an organisation here" in foreign.stdout, foreign
+    shutil.copy(organisation(network.directory, 1) / "ca/ca.org1.ledgerline-cert.pem", authorities / "Org1MSP.pem")
+    assert json.loads(identity("status", "--msp-dir", msp, "--json"))["certificates"][0]["problem"] == ""
 
     def writes(key: str) -> subprocess.CompletedProcess:
         return ask(network.endpoint, network.directory, 1, msp, *note(f"Org1MSP/{key}"))

@@ -7,17 +7,9 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
-#include "msp/identities.pb.h"
 
 namespace ledgerline::checks {
 namespace {
-
-std::string serialized(const std::string& msp_id, const std::string& pem) {
-  msp::SerializedIdentity identity;
-  identity.set_mspid(msp_id);
-  identity.set_id_bytes(pem);
-  return identity.SerializeAsString();
-}
 
 /// Why its organisation does not know it, whenever it is asked; empty: it does.
 std::string outsider(const IdentityInputs& inputs, const std::vector<AuthorityInputs>& authorities,
@@ -25,7 +17,7 @@ std::string outsider(const IdentityInputs& inputs, const std::vector<AuthorityIn
   std::vector<crypto::MspRoot> roots;
   for (const AuthorityInputs& one : authorities) roots.push_back({one.msp_id, one.pem});
   const auto registry = crypto::make_msp_registry(crypto::Library::libcrypto, std::move(roots));
-  const auto member = registry->member(serialized(inputs.msp_id, inputs.certificate_pem), now_s);
+  const auto member = registry->member(crypto::serialized_identity(inputs.msp_id, inputs.certificate_pem), now_s);
   return member ? "" : member.error().message;
 }
 

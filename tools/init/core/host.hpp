@@ -132,9 +132,14 @@ Status write_new(const std::vector<NewFile>& files);
 /// An error: either is there already.
 Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Subject& subject);
 
-/// Puts a certificate beside the key, after a check that it is of this key and not expired; one that is there is
-/// replaced, as when it is renewed. Of a chain the one that is of this key is put first. Returns whose it is.
-Result<std::string> install_certificate(const std::string& msp_dir, const std::string& certificate_file);
+/// Puts a certificate beside the key, after a check that it is of this key, not expired and of an authority that the
+/// host knows (check_authority); one that is there is replaced, as when it is renewed. Of a chain the one that is of
+/// this key is put first. Returns whose it is.
+Result<std::string> install_certificate(const Directories& folders, const std::string& certificate_file);
+
+/// Whether the certificate of `msp_dir` is of the organisation that a config in `config_dir` says of this folder, or
+/// else of any, by config_dir/authorities/MSPID.pem. done, too, where there is no such file: nobody knows.
+Status check_authority(const std::string& config_dir, const std::string& msp_dir, const std::string& certificate_pem);
 
 /// Copies what other hosts may know out of the folder of an embedded ledger or a network (DIR/crypto,
 /// DIR/CHANNEL.block) into `out`: authorities/MSPID.pem, tls/MSPID.pem, tls/orderers.pem, CHANNEL.block. No key.

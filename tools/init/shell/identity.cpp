@@ -1,10 +1,14 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <sys/stat.h>
+
+#include <algorithm>
 #include <filesystem>
 
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
+#include "common/base/text.hpp"
+#include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 #include "tools/init/core/host.hpp"
@@ -24,7 +28,49 @@ Status make_private_folder(const fs::path& folder) {
   return done;
 }
 
+/// Those whose names end so, in order of their names; none where there is no folder.
+std::vector<fs::path> files_in(const fs::path& folder, const std::string& extension) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    if (at->path().extension() == extension) files.push_back(at->path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+/// What a config says of who signs with this folder; empty: no config does.
+std::string organisation_of(const std::string& config_dir, const std::string& msp_dir) {
+  for (const fs::path& file : files_in(config_dir, ".toml")) {
+    auto config = Config::load(file.string());
+    if (config &&
+        fs::path(config->text("ledger.msp_dir", "")).lexically_normal() == fs::path(msp_dir).lexically_normal())
+      return config->text("ledger.msp_id", "");
+  }
+  return "";
+}
+
 }  // namespace
+
+Status check_authority(const std::string& config_dir, const std::string& msp_dir, const std::string& certificate_pem) {
+  const std::string own = organisation_of(config_dir, msp_dir);
+  std::string why;
+  for (const fs::path& file : files_in(fs::path(config_dir) / "authorities", ".pem")) {
+    const std::string id = file.stem().string();
+    if (!own.empty() && id != own) continue;
+    const auto authority = read_file(file.string());
+    if (!authority) return authority.error();
+    const auto registry = crypto::make_msp_registry(crypto::Library::libcrypto, {{id, *authority}});
+    const auto member = registry->member(crypto::serialized_identity(id, certificate_pem), std::nullopt);
+    if (member) return done;
+    why += fmt::format("; {}: {}", file.string(), member.error().message);
+  }
+  if (why.empty()) return done;
+  const auto certificate = crypto::parse_certificate(certificate_pem);
+  if (!certificate) return certificate.error();
+  return Error{fmt::format("{} has issued it: it is no member of {}{}", printable(certificate->issuer),
+                           own.empty() ? "an organisation here" : own, why)};
+}
 
 Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Subject& subject) {
   const fs::path new_key = fs::path(msp_dir) / key_name;
@@ -40,7 +86,8 @@ Status request_identity(const std::string& msp_dir, const std::string& request_f
   return write_file(request_file, made->request_pem);
 }
 
-Result<std::string> install_certificate(const std::string& msp_dir, const std::string& certificate_file) {
+Result<std::string> install_certificate(const Directories& folders, const std::string& certificate_file) {
+  const std::string msp_dir = folders.msp();
   const auto delivered = read_file(certificate_file);
   if (!delivered) return delivered.error();
   if (const auto any = crypto::parse_certificate(*delivered); !any)
@@ -54,6 +101,8 @@ Result<std::string> install_certificate(const std::string& msp_dir, const std::s
   const auto certificate = crypto::parse_certificate(*pem);
   if (!certificate) return Error{certificate_file + ": " + certificate.error().message};
   if (certificate->not_after_s < realtime_ns() / ns_per_s) return Error{certificate_file + " has expired"};
+  if (const Status issued = check_authority(folders.config, msp_dir, *pem); !issued)
+    return Error{fmt::format("{}: {}. What is in {} stays", certificate_file, issued.error().message, msp_dir)};
   const fs::path folder = fs::path(msp_dir) / "signcerts";
   if (auto status = replace_file((folder / "cert.pem").string(), *pem); !status) return status.error();
   // Programs take the first one by name.

@@ -31,6 +31,7 @@ class InitIdentity : public testing::Test {
     EXPECT_TRUE(write_file(in(name), content));
     return in(name);
   }
+  Directories folders() const { return {.config = dir_.string()}; }
   static crypto::KeyAndCertificate issued(const crypto::CertificateRequest& request) {
     return *crypto::issue(*crypto::make_ca("ca", "org"), request);
   }
@@ -70,10 +71,10 @@ TEST_F(InitIdentity, ACertificateOfAnotherKeyIsRefusedAndTheOldOneStays) {
   const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
   const auto strange = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
-  const auto taken = install_certificate(in("msp"), written("raven.pem", own.certificate_pem));
+  const auto taken = install_certificate(folders(), written("raven.pem", own.certificate_pem));
   ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_THAT(*taken, HasSubstr("CN=raven"));
-  const auto refused = install_certificate(in("msp"), written("strange.pem", strange.certificate_pem));
+  const auto refused = install_certificate(folders(), written("strange.pem", strange.certificate_pem));
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().message, HasSubstr("of another key"));
   EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
@@ -88,7 +89,7 @@ TEST_F(InitIdentity, AChainWithItsAuthorityFirstIsPutInOrder) {
   const std::string chain = "Issuer: ca\n" + ca.certificate_pem + "Subject: raven\n" + own.certificate_pem;
   const std::string there = written("msp/signcerts/raven.pem", chain);
   EXPECT_FALSE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
-  const auto taken = install_certificate(in("msp"), there);  // in its own place, which is the cure that doctor prints
+  const auto taken = install_certificate(folders(), there);  // in its own place, which is the cure that doctor prints
   ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_THAT(*taken, HasSubstr("CN=raven"));
   EXPECT_EQ(*read_file(in("msp/signcerts/cert.pem")), own.certificate_pem + ca.certificate_pem);
@@ -99,16 +100,36 @@ TEST_F(InitIdentity, AChainWithItsAuthorityFirstIsPutInOrder) {
 TEST_F(InitIdentity, AnExpiredCertificateIsRefused) {
   const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}, .days = -1});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
-  const auto taken = install_certificate(in("msp"), written("raven.pem", own.certificate_pem));
+  const auto taken = install_certificate(folders(), written("raven.pem", own.certificate_pem));
   ASSERT_FALSE(taken);
   EXPECT_THAT(taken.error().message, HasSubstr("has expired"));
+}
+
+TEST_F(InitIdentity, ACertificateOfAnAuthorityThatTheHostDoesNotKnowIsRefused) {
+  const crypto::CertificateRequest request{.common_name = "raven", .organization = "o", .unit = "client", .sans = {}};
+  const auto org1 = crypto::make_ca("ca.org1", "org1").value(), org2 = crypto::make_ca("ca.org2", "org2").value();
+  const auto good = crypto::issue(org1, request).value();
+  ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), good.key_pem, 0600));
+  written("authorities/Org2MSP.pem", org2.certificate_pem);
+  const auto refused = install_certificate(folders(), written("raven.pem", good.certificate_pem));
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("CN=ca.org1"));
+  EXPECT_THAT(refused.error().message, HasSubstr("no member of an organisation here"));
+  EXPECT_FALSE(fs::exists(in("msp/signcerts/cert.pem")));
+  written("authorities/Org1MSP.pem", org1.certificate_pem);
+  EXPECT_TRUE(install_certificate(folders(), in("raven.pem")));
+  EXPECT_TRUE(check_authority(in("elsewhere"), in("msp"), good.certificate_pem)) << "nobody knows";
+  written("agent.toml", "[ledger]\nmsp_id = \"Org2MSP\"\nmsp_dir = \"" + in("msp") + "\"\n");
+  const Status foreign = check_authority(dir_.string(), in("msp"), good.certificate_pem);
+  ASSERT_FALSE(foreign);
+  EXPECT_THAT(foreign.error().message, HasSubstr("no member of Org2MSP"));
 }
 
 TEST_F(InitIdentity, ARenewedCertificateReplacesTheOneOfAnotherName) {
   const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
   written("msp/signcerts/a.pem", "old");
-  ASSERT_TRUE(install_certificate(in("msp"), written("raven.pem", own.certificate_pem)));
+  ASSERT_TRUE(install_certificate(folders(), written("raven.pem", own.certificate_pem)));
   EXPECT_FALSE(fs::exists(in("msp/signcerts/a.pem")));
 }
 
