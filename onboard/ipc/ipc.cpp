@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <future>
+#include <iostream>
 #include <thread>
 #include <utility>
 
@@ -14,6 +15,7 @@
 #include <iceoryx_posh/popo/subscriber.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
+#include "onboard/ipc/bounded_lines.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 
 namespace ledgerline::ipc {
@@ -144,6 +146,8 @@ Status connect(const std::string& program, const std::function<bool()>& is_asked
   if (probe(program) == Peer::alive)
     return Error{fmt::format("another {} runs already on this machine: stop it first", program)};
   roudi_inode = socket_inode(roudi_name);
+  static auto* const bounded = new BoundedLines(*std::cerr.rdbuf());  // for as long as iceoryx's threads may write
+  std::cerr.rdbuf(bounded);
   auto answered = std::make_shared<std::promise<void>>();
   std::thread([answered, program] {
     iox::runtime::PoshRuntime::initRuntime(iox::RuntimeName_t(iox::cxx::TruncateToCapacity, program));

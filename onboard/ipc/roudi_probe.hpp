@@ -23,4 +23,7 @@ Status check_names(const std::vector<std::string>& names);
 /// Tells one start of RouDi from the next: the inode of its socket, 0 when there is none.
 std::uint64_t socket_inode(const std::string& name);
 
+/// Which of these processes run since before the RouDi that answers beside them: they know one that is gone.
+std::vector<std::string> older_than_roudi(const std::vector<std::string>& names);
+
 }  // namespace ledgerline::ipc

@@ -44,7 +44,7 @@ class Host:
 
 
 # What the host that the test runs on is like is not this test's subject.
-OF_THE_HOST = {"clock_unsynchronised", "roudi_silent", "roudi_left", "shm_small", "shm_not_writable", "roudi_group", "roudi_group_shared",
+OF_THE_HOST = {"clock_unsynchronised", "roudi_silent", "roudi_left", "roudi_replaced", "shm_small", "shm_not_writable", "roudi_group", "roudi_group_shared",
                "disk_low", "identity_ends", "not_running"}
 
 

@@ -79,7 +79,11 @@ Findings assess(const SharedMemoryInputs& all) {
   Findings out = assess_place(inputs);
   if (!inputs.group_shared.empty()) out.push_back(flag(Problem::roudi_group_shared, check, inputs.group_shared));
   if (inputs.roudi == Roudi::alive) {
-    out.push_back(fine(check, "it answers"));
+    if (!inputs.left_behind.empty()) {
+      out.push_back(flag(Problem::roudi_replaced, check, fmt::format("{}", fmt::join(inputs.left_behind, ", "))));
+    } else {
+      out.push_back(fine(check, "it answers"));
+    }
     return out;
   }
   if (inputs.roudi == Roudi::left) out.push_back(flag(Problem::roudi_left, check, "/tmp/roudi"));

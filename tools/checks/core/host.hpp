@@ -36,12 +36,13 @@ Findings assess(const RealTimeInputs& inputs);
 struct SharedMemoryInputs {
   enum class Roudi : std::uint8_t { none, left, alive, forbidden };
   Roudi roudi = Roudi::none;
-  std::string program{};         ///< that has its socket; empty: that is not to be seen
-  std::string no_room{};         ///< why RouDi would not start; empty: it has room
-  std::string not_writable{};    ///< /dev/shm for this user; empty: it is
-  std::string group_unusable{};  ///< why iceoryx cannot serve this user and group; empty: it can
-  std::string group_shared{};    ///< who else may write to the memory; empty: nobody
-  bool by_unit = false;          ///< RouDi has a unit of systemd, so another user than doctor's
+  std::string program{};                   ///< that has its socket; empty: that is not to be seen
+  std::vector<std::string> left_behind{};  ///< programs that a RouDi before it served
+  std::string no_room{};                   ///< why RouDi would not start; empty: it has room
+  std::string not_writable{};              ///< /dev/shm for this user; empty: it is
+  std::string group_unusable{};            ///< why iceoryx cannot serve this user and group; empty: it can
+  std::string group_shared{};              ///< who else may write to the memory; empty: nobody
+  bool by_unit = false;                    ///< RouDi has a unit of systemd, so another user than doctor's
 };
 Findings assess(const SharedMemoryInputs& inputs);
 /// The findings among those that stop RouDi from starting as this user.

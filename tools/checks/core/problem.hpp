@@ -169,6 +169,8 @@ namespace ledgerline::checks {
     "`systemctl start ledgerline-roudi`, or start ledgerline-roudi by hand")                                          \
   X(roudi_left, broken, "a RouDi that is gone has left its socket",                                                   \
     "start ledgerline-roudi, which clears what its own user left; of another user: remove it as root")                \
+  X(roudi_replaced, broken, "a program runs with a RouDi that is gone: nobody can join it",                           \
+    "land, then `systemctl restart ledgerline-link ledgerline-agent`")                                                \
   X(roudi_foreign, broken, "a RouDi runs that has no pools for link and agent",                                       \
     "end it, or run its programs elsewhere; then start ledgerline-roudi")                                             \
   X(roudi_runs, broken, "a RouDi runs: a flight starts its own", "end it: `pgrep -af roudi` shows it")                \

@@ -184,7 +184,10 @@ SharedMemoryInputs probe_shared_memory() {
       inputs.roudi = ipc::socket_inode(name) != 0 ? Roudi::left : Roudi::none;
       break;
   }
-  if (inputs.roudi == Roudi::alive) inputs.program = program_of(path);
+  if (inputs.roudi == Roudi::alive) {
+    inputs.program = program_of(path);
+    inputs.left_behind = ipc::older_than_roudi({"ledgerline-link", "ledgerline-agent"});
+  }
   if (auto room = roudi::check_shared_memory(); !room) inputs.no_room = room.error().message;
   if (auto writable = roudi::check_writable(); !writable) inputs.not_writable = writable.error().message;
   const roudi::UserGroup of = roudi::group_of_process();

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "onboard/ipc/roudi_probe.hpp"
 #include "tests/unit/child.hpp"
 
 /// Runs in a namespace of its own (in_namespace.sh); argv[1] is ledgerline-roudi.
@@ -101,6 +102,7 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   const Status with = connect("ipc-test");
   ASSERT_TRUE(with) << with.error().message;
   EXPECT_TRUE(is_roudi_alive());
+  EXPECT_TRUE(older_than_roudi({"ipc-test"}).empty());
 
   auto agent = AgentEnd::create();
   auto link = LinkEnd::create();
@@ -191,6 +193,7 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   Child next;
   ASSERT_TRUE(next.start({roudi_program}));
   EXPECT_FALSE(is_roudi_alive());
+  EXPECT_EQ(older_than_roudi({"ipc-test", "nobody"}), std::vector<std::string>{"ipc-test"});
 }
 
 }  // namespace

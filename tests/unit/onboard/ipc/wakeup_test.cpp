@@ -6,10 +6,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstring>
+#include <ostream>
+#include <sstream>
 #include <thread>
 
 #include "common/rt/spsc_ring.hpp"
+#include "onboard/ipc/bounded_lines.hpp"
 
 namespace ledgerline::ipc {
 namespace {
@@ -124,6 +128,22 @@ TEST_F(Wakeups, NoWakeupIsMissedHoweverFullTheSinkIs) {
   }
   publisher.join();
   EXPECT_EQ(missed, 0U);
+}
+
+TimeNs now_ns = 0;
+
+TEST(LinesOfIceoryx, AreBoundedForEachMinute) {
+  std::stringbuf passed;
+  BoundedLines lines(passed, [] { return now_ns; });
+  std::ostream out(&lines);
+  for (int i = 0; i < 1'000; ++i) out << "sendto failed: " << i << std::endl;
+  const std::string first = passed.str();
+  EXPECT_EQ(std::count(first.begin(), first.end(), '\n'), BoundedLines::lines_a_minute + 1);
+  EXPECT_TRUE(first.starts_with("sendto failed: 0\n"));
+  EXPECT_TRUE(first.ends_with("the further lines of this minute are left out\n"));
+  now_ns += 61 * ns_per_s;
+  out << "another" << std::endl;
+  EXPECT_TRUE(passed.str().ends_with("are left out\nanother\n"));
 }
 
 }  // namespace

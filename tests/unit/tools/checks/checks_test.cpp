@@ -325,6 +325,10 @@ TEST(DoctorHost, SaysOfSharedMemoryWhatKeepsRoudiFromStartingAndWhoElseMayWriteI
   SharedMemoryInputs inputs{.roudi = Roudi::alive, .program = "ledgerline-roudi"};
   ASSERT_EQ(assess(inputs).size(), 1U);
   EXPECT_FALSE(assess(inputs)[0].problem);
+  inputs.left_behind = {"ledgerline-link", "ledgerline-agent"};
+  EXPECT_EQ(assess(inputs).at(0).problem, Problem::roudi_replaced);
+  EXPECT_THAT(assess(inputs)[0].what, HasSubstr("ledgerline-link, ledgerline-agent"));
+  inputs.left_behind.clear();
   inputs.not_writable = "mode 755";
   inputs.group_unusable = "domain users";
   EXPECT_EQ(assess(inputs).size(), 1U) << "it runs, so another user's group counts";
