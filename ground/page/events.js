@@ -136,7 +136,7 @@ export class Events {
     const count = this.#open.length;
     this.#strip.classList.toggle('on', count > 0);
     this.#button.hidden = count === 0;
-    const words = count === 0 ? 'No alarm' : `■ ${count > 1 ? `${count} alarms. ` : 'Alarm. '}${this.#sayOf(this.#open.at(-1))}`;
+    const words = count === 0 ? 'No alarm' : `■ ${count > 1 ? `${count} alarms so far, the newest` : '1 alarm so far'}: ${this.#sayOf(this.#open.at(-1))}`;
     if (this.#words.textContent !== words) this.#words.textContent = words;
     this.#beeper.on = count > 0;
     this.#tellSound();

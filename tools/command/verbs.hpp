@@ -26,7 +26,7 @@ inline constexpr std::array<VerbRow, 35> verbs{{
     {"Ground station", "drones", "ledgerline-station", "list, take, fly and stop drones at a running ground"},
     {"Ground station", "missions", "ledgerline-station", "add, approve, start and watch missions"},
     {"Ground station", "flights", "ledgerline-station", "what is flown now, by whom"},
-    {"Ground station", "alarms", "ledgerline-station", "what is wrong now"},
+    {"Ground station", "alarms", "ledgerline-station", "what went wrong so far, over or not"},
     {"Ground station", "control", "ledgerline-control", "leases, grants and stops, straight to the ledger"},
     {"Ground station", "topics", "ledgerline-station", "what a bridge carries, topic by topic"},
     {"Ledger", "fabric", "ledgerline-ledger", "run a Fabric network on this host"},

@@ -39,7 +39,8 @@ Status show(Station& station, const VerbOptions& verb_options) {
   return done;
 }
 
-constexpr const char* about = "The alarms and warnings of a station, oldest first.";
+constexpr const char* about =
+    "The alarms and warnings of a station so far, those that are over among them; oldest first.";
 const std::string notes = R"(Examples:
   ledgerline alarms
   ledgerline alarms --watch

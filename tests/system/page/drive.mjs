@@ -175,6 +175,7 @@ async function stopAll(page, name) {
   saw.alarms = [await page.locator('#alarm-words').textContent()];
   if (await page.locator('#acknowledge').isVisible()) {
     await page.locator('#acknowledge').click();
+    check(/^■ \d+ alarms? so far/.test(saw.alarms[0]), 'alarms that may be over read as those of now');
     saw.alarms.push(await page.locator('#alarm-words').textContent());
     check(saw.alarms[1] === 'No alarm', 'an acknowledged alarm stays');
   }

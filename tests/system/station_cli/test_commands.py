@@ -107,6 +107,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     station.wait("tello2", lambda drone: drone["stopped_by"] and drone["phase"] == "landed")
     assert "stopped by Org2MSP" in anybody.says("alarms") and "link reaches it" not in anybody.says("alarms")
     assert "link reaches it" in anybody.says("alarms", "--all")
+    assert "those that are over among them" in anybody.says("alarms", "--help")
     assert anybody.json("alarms")["events"][0]["n"] == 1
     alice.says("drones", "clear_stop", "tello2")
     assert station.drone("tello2")["stopped_by"] == []
