@@ -78,7 +78,8 @@ void check_host(const Configs& configs, const std::vector<status::Program>& runn
   if (!link && !configs.of("agent")) return;
   add(all, assess(probe_shared_memory()));
   if (!link) return;
-  add(all, assess(probe_real_time(link->real_time)));
+  const auto runs = std::ranges::find(running, "ledgerline-link", &status::Program::name);
+  add(all, assess(probe_real_time(link->real_time, runs == running.end() ? 0 : runs->pid)));
   if (!is_link_running()) all.push_back(assess(probe_port(link->state_listen)));
   if (const ProgramConfig* const agent = configs.of("agent"))
     all.push_back(assess_names(names_of(link->drones), names_of(agent->drones)));

@@ -49,11 +49,14 @@ Finding assess(const ClockInputs& inputs) {
 Findings assess(const RealTimeInputs& inputs) {
   constexpr const char* check = "real_time";
   if (!inputs.wanted) return {fine(check, "not asked for ([realtime] priority = 0)")};
-  if (!inputs.unit.empty()) return {fine(check, fmt::format("by its unit, {}", inputs.unit))};
+  if (inputs.link == 0 && !inputs.unit.empty()) return {fine(check, fmt::format("by its unit, {}", inputs.unit))};
   Findings out;
-  if (!inputs.fifo) out.push_back(flag(Problem::no_real_time, check, "of this user"));
-  if (!inputs.locked) out.push_back(flag(Problem::no_locked_memory, check, "of this user"));
-  if (out.empty()) out.push_back(fine(check, "SCHED_FIFO and locked memory are permitted"));
+  const std::string whose = inputs.link == 0 ? "of this user" : fmt::format("of link, process {}", inputs.link);
+  if (!inputs.fifo) out.push_back(flag(Problem::no_real_time, check, whose));
+  if (!inputs.locked) out.push_back(flag(Problem::no_locked_memory, check, whose));
+  if (out.empty())
+    out.push_back(fine(check, inputs.link == 0 ? "SCHED_FIFO and locked memory are permitted"
+                                               : "SCHED_FIFO and locked memory " + whose));
   return out;
 }
 

@@ -25,10 +25,11 @@ struct ClockInputs {
 };
 Finding assess(const ClockInputs& inputs);
 
-/// Of this user: link's unit has capabilities of its own.
+/// Of the link that runs, or else of this user: link's unit has capabilities of its own.
 struct RealTimeInputs {
   bool wanted = true;  ///< [realtime] priority is not 0
   bool fifo = false, locked = false;
+  int link = 0;        ///< its process; 0: none runs
   std::string unit{};  ///< of link, which has the rights; empty: there is none
 };
 Findings assess(const RealTimeInputs& inputs);

@@ -19,6 +19,7 @@
 #include <sstream>
 
 #include "common/base/file.hpp"
+#include "common/process/usage.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/host_check.hpp"
 
@@ -107,6 +108,16 @@ int try_fifo() {
 }
 int try_lock() { return ::mlockall(MCL_CURRENT | MCL_FUTURE); }
 
+/// By VmLck of /proc/PID/status, in kB.
+bool locks_memory(int process) {
+  std::ifstream status(fmt::format("/proc/{}/status", process));
+  std::string word;
+  while (status >> word) {
+    if (word == "VmLck:") return status >> word && word != "0";
+  }
+  return false;
+}
+
 std::string interface_with(const in_addr& address) {
   ifaddrs* all = nullptr;
   if (::getifaddrs(&all) != 0) return "";
@@ -157,8 +168,14 @@ ClockInputs probe_clock() {
   return {.known = true, .synchronised = synchronised, .max_error_ms = static_cast<double>(clock.maxerror) * 1e-3};
 }
 
-RealTimeInputs probe_real_time(bool wanted) {
-  RealTimeInputs inputs{.wanted = wanted};
+RealTimeInputs probe_real_time(bool wanted, int link) {
+  RealTimeInputs inputs{.wanted = wanted, .link = link};
+  if (link != 0) {
+    for (const ThreadUsage& thread : read_threads("link", link))
+      inputs.fifo = inputs.fifo || thread.policy == SCHED_FIFO;
+    inputs.locked = locks_memory(link);
+    return inputs;
+  }
   for (const char* unit : link_units)
     if (inputs.unit.empty() && ::access(unit, R_OK) == 0) inputs.unit = unit;
   inputs.fifo = permitted(try_fifo);

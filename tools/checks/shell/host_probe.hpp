@@ -10,7 +10,8 @@ namespace ledgerline::checks {
 DirectoryInputs probe_directory(const std::string& file);
 /// Asks the kernel (adjtimex(2)), which takes no rights.
 ClockInputs probe_clock();
-RealTimeInputs probe_real_time(bool wanted);
+/// What `link`, its process, has, or else (0) what this user may have.
+RealTimeInputs probe_real_time(bool wanted, int link);
 SharedMemoryInputs probe_shared_memory();
 /// Whether a program could have a UDP port, which it takes for a moment: of link's not while link runs.
 PortInputs probe_port(const std::string& listen);

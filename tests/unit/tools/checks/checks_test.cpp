@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -9,6 +10,7 @@
 #include "tools/checks/core/host.hpp"
 #include "tools/checks/core/identity.hpp"
 #include "tools/checks/core/ledger.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 
 namespace ledgerline::checks {
 namespace {
@@ -343,6 +345,22 @@ TEST(DoctorHost, SaysOfSharedMemoryWhatKeepsRoudiFromStartingAndWhoElseMayWriteI
   EXPECT_EQ(assess(shared).at(0).severity, Severity::warning);
   shared.by_unit = true;
   EXPECT_FALSE(assess(shared).at(0).problem) << "not the group of who asks";
+}
+
+// The unit's capabilities are not those of the user who runs doctor.
+TEST(DoctorHost, SaysOfRealTimeWhatTheRunningLinkHas) {
+  const RealTimeInputs of_user{.fifo = false, .locked = false};
+  EXPECT_EQ(assess(of_user).at(0).problem, Problem::no_real_time);
+  EXPECT_THAT(assess(of_user)[0].what, HasSubstr("of this user"));
+  EXPECT_FALSE(assess(RealTimeInputs{.fifo = true, .locked = true, .link = 7}).at(0).problem);
+  const Findings slow = assess(RealTimeInputs{.fifo = false, .locked = true, .link = 7, .unit = "link.service"});
+  ASSERT_EQ(slow.size(), 1U);
+  EXPECT_EQ(slow[0].problem, Problem::no_real_time) << "what it has counts, not what its unit would give";
+  EXPECT_THAT(slow[0].what, HasSubstr("of link, process 7"));
+  const RealTimeInputs own = probe_real_time(true, ::getpid());
+  EXPECT_EQ(own.link, ::getpid());
+  EXPECT_FALSE(own.fifo);
+  EXPECT_FALSE(probe_real_time(true, 0x7fffffff).locked) << "it has ended meanwhile";
 }
 
 TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {
