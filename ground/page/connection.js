@@ -60,7 +60,8 @@ export class Connection extends EventTarget {
 
   start(token) {
     if (!TOKEN.test(token ?? '')) {
-      this.#say('token', token ? 'A token is 64 hex digits.' : 'This page needs the token of the ground station.');
+      this.#say('token', token ? 'A token is 64 hex digits.' :
+        'This page needs the token of the ground station: the text of the file that token_file in its ground.toml names, here or behind /#token= in the address.');
       return;
     }
     this.#token = token;

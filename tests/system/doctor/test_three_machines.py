@@ -28,8 +28,7 @@ def is_flight(commands: str) -> bool:
 def test_everything_before_the_flight_is_well_by_doctor(machines):
     machines.walk(lambda commands: not is_flight(commands))  # its doctors end with 0, or the walk fails
     assert "agent.toml" in machines.doctor("raven")["not_running"]["what"]
-    machines.etc("tower").mkdir(parents=True, exist_ok=True)
-    (machines.etc("tower") / "node.env").write_text("LEDGERLINE_LISTEN=10.77.0.2:7051\n")
+    assert "LEDGERLINE_LISTEN=10.77.0.2:7051\n" in (machines.etc("tower") / "node.env").read_text()
     ledger = machines.doctor("tower", "--role", "ledger")
     assert "not_running" not in ledger and not [each for each in ledger.values() if each["verdict"] == "broken"], ledger
 

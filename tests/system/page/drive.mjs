@@ -125,6 +125,9 @@ async function onPhone(browser, name) {
   const context = await browser.newContext({ viewport: SIZES.phone, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
   const page = await context.newPage();
   watch(page);
+  await page.goto(new URL('/', url).href); // without the token
+  check((await page.locator('#token-words').textContent()).includes('token_file'), 'the page does not say where its token is');
+  await page.goto('about:blank');
   await page.goto(url);
   await page.waitForSelector('.card');
   await page.waitForTimeout(600);
