@@ -11,6 +11,7 @@ import time
 import tomllib
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+EXAMPLES = pathlib.Path(__file__).resolve().parents[3] / "docs/examples"
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 
 
@@ -147,6 +148,15 @@ def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
         well = tello(*words)
         assert well.returncode == 0 and ", 0 broken" in well.stdout, well.stdout + well.stderr
         assert "by onboard odometry (tello): 1.00, 0.00, 0.00 m" in well.stdout
+        example = (EXAMPLES / "deployment-odometry.toml").read_text()
+        for named, here in (('"192.168.10.1"', '"127.0.0.2"'), ("\ncalibration =", "\n# calibration ="),
+                            ('source = "tello"', 'source = "tello"\nvelocity_signs = [1, -1, -1]')):
+            assert named in example
+            example = example.replace(named, here)
+        of_page = tmp_path / "of_page.toml"
+        of_page.write_text(example)
+        shown = tello("preflight", "--deployment", str(of_page), "--seconds", "1.5", "--json")
+        assert shown.returncode == 0 and "odometry_short" not in shown.stdout, shown.stdout
         file.write_text(file.read_text() + "[flight]\nside_m = 6\n")
         beyond = tello(*words)
         assert beyond.returncode == 1 and "a would be at 6, 0, 1 m, beyond link's fence" in beyond.stdout

@@ -171,13 +171,9 @@ std::optional<Finding> assess_drift(const FlightInputs& inputs) {
     if (drone.source != link::PoseSource::tello) continue;
     const double lasts_s = odometry_lasts_s(inputs.link.failsafe, drone.odometry, width_m);
     if (lasts_s >= inputs.path_s) continue;
-    Finding found =
-        flag(Problem::position_uncertain, "fence",
-             fmt::format("{}: after about {:.0f} s {:g} m are too narrow for it, and its path takes {:.0f} s",
-                         drone.name, lasts_s, width_m, inputs.path_s),
-             "a wider [fence], a shorter path, mission pads or motion capture");
-    found.severity = Severity::warning;
-    return found;
+    return flag(Problem::odometry_short, "fence",
+                fmt::format("{}: after about {:.0f} s {:g} m are too narrow for it, and its path takes {:.0f} s",
+                            drone.name, lasts_s, width_m, inputs.path_s));
   }
   return std::nullopt;
 }

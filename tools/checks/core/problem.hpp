@@ -221,6 +221,8 @@ namespace ledgerline::checks {
     "light, and a floor with texture; a firmware whose state text has vgx, vgy, vgz")                                 \
   X(position_uncertain, broken, "onboard odometry is too uncertain for the fence",                                    \
     "put the drone on its mark and switch it off and on")                                                             \
+  X(odometry_short, warning, "onboard odometry may not last the path",                                                \
+    "a wider [fence], a shorter path, mission pads or motion capture")                                                \
   X(not_on_ground, broken, "the drone is not on the ground", "land it: `ledgerline tello land ADDRESS`")              \
   X(takeoff_refused, broken, "link refuses a take-off", "docs/failsafe.md says what this cause clears by")            \
   /* of all drones of a flight */                                                                                     \

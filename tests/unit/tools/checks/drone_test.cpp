@@ -64,6 +64,7 @@ TEST(PreflightCheck, WarnsOfAPathThatOnboardOdometryDoesNotLast) {
   expect(inputs, "fence", Severity::ok, "x -2 to 2", "");
   inputs.path_s = 30;
   expect(inputs, "fence", Severity::warning, "4 m are too narrow for it, and its path takes 30 s", "a wider [fence]");
+  EXPECT_EQ(line_of(inputs, "fence").problem, Problem::odometry_short) << "not what a drone says that is uncertain now";
   inputs.link.drones[0].source = link::PoseSource::pads;
   expect(inputs, "fence", Severity::ok, "x -2 to 2", "");
 }
