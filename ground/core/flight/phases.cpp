@@ -18,16 +18,22 @@ constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may stil
 constexpr TimeNs refused_for_ns = 2 * ns_per_s;   // link takes no older plan, so what came by then was this take-off
 constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
 
+constexpr const char* by_itself = "came down by itself";
+
 std::string revoked_words(const Lease& lease) {
   return is_revoked(*lease.record, lease.record->holder())
              ? fmt::format("its operator {} is revoked", lease.holder->subject)
              : fmt::format("{}, who commands it, is revoked", lease.commander->subject);
 }
 
-std::string came_down(FailsafeCause cause) {
-  return cause == FailsafeCause::none
-             ? "landed without an order of ours: another client's (`ledgerline tello land`), or its firmware did"
-             : fmt::format("came down by itself: {}", words_for(cause));
+/// Why it flies no more; `how`: what its failsafe did, where that had a cause.
+std::string came_down(const StateSample& s, const char* how) {
+  if (s.cause == FailsafeCause::none)
+    return "landed without an order of ours: another client's (`ledgerline tello land`), or its firmware did";
+  if (s.cause == FailsafeCause::state_stale)  // nobody has seen it come down
+    return fmt::format("lost: link had no more state of it, last at {:.2f}, {:.2f}, {:.2f} m", s.position_m[0],
+                       s.position_m[1], s.position_m[2]);
+  return fmt::format("{}: {}", how, words_for(s.cause));
 }
 
 Status named(const char* what, const Status& checked) {
@@ -196,7 +202,7 @@ void Phases::advance_waiting(TimeNs now) {
 void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
   const StateSample& s = seen_.state;
   if (s.phase != FlightPhase::flying) {
-    if (flew_) land(now, came_down(s.cause));
+    if (flew_) land(now, came_down(s, by_itself));
     return;
   }
   if (!flew_) settling_since_ns_ = s.stamp_ns;
@@ -217,9 +223,9 @@ void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
 void Phases::advance_flown(TimeNs now) {
   const StateSample& s = seen_.state;
   if (s.phase != FlightPhase::flying) {
-    land(now, came_down(s.cause));
+    land(now, came_down(s, by_itself));
   } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
-    land(now, fmt::format("its failsafe landed it: {}", words_for(s.cause)));
+    land(now, came_down(s, "its failsafe landed it"));
   } else if (status_.phase == DronePhase::path) {
     config_.manual ? advance_pilot_path(now) : advance_path(now);
   }

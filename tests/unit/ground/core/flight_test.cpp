@@ -9,6 +9,7 @@ namespace ledgerline::ground {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 TEST(Flight, DronesTakeOffFlyTheirLapsAndLand) {
   FlightConfig config = config_for(3);
@@ -197,6 +198,20 @@ TEST(Flight, ADroneThatComesDownByItselfIsReportedWithItsCause) {
   EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
   EXPECT_FALSE(world.core.status(0).finished);
   EXPECT_THAT(world.core.why(), HasSubstr("came down by itself: battery critical"));
+}
+
+TEST(Flight, ADroneThatLinkLosesIsNotSaidToHaveComeDown) {
+  FlightWorld world(config_for(1));
+  world.run(10);
+  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  world.drones[0].obeys_landing = false;
+  world.drones[0].cause = FailsafeCause::state_stale;
+  world.drones[0].mode = FailsafeMode::land;
+  world.run(30);
+  EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+  EXPECT_THAT(world.core.why(), HasSubstr("lost: link had no more state of it, last at "));
+  EXPECT_THAT(world.core.why(), HasSubstr("m; was not seen to land within 20 s"));
+  EXPECT_THAT(world.core.why(), Not(HasSubstr("landed it")));
 }
 
 TEST(Flight, WhoeverElseLandedItIsNotCalledItself) {
