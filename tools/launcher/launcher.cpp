@@ -189,13 +189,15 @@ Status Launcher::wait_for_drones() {
   preflight_.set_clock(checks::probe_clock());
   const TimeNs limit_ns = options_.own->flight.wait_ns;
   const TimeNs until_ns = monotonic_ns() + limit_ns;
-  TimeNs list_at_ns = monotonic_ns() + first_list_after_ns;
+  const TimeNs answered_ns = monotonic_ns() + first_list_after_ns;
+  TimeNs list_at_ns = answered_ns;
   for (Status ready = preflight_.ready(); !ready; ready = preflight_.ready()) {
     if (auto s = programs_.check(); !s) return s;
-    if (monotonic_ns() > until_ns) {
+    const bool can_wait = monotonic_ns() <= answered_ns || preflight_.can_become_ready();
+    if (!can_wait || monotonic_ns() > until_ns) {
       live_.print(preflight_.list());
-      return Error{
-          fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), ready.error().message)};
+      const std::string waited = can_wait ? fmt::format(" after {:.0f} s", to_seconds(limit_ns)) : "";
+      return Error{fmt::format("not ready{}: {}", waited, ready.error().message)};
     }
     if (monotonic_ns() > list_at_ns) {
       list_at_ns = until_ns;  // once

@@ -217,6 +217,11 @@ bool Preflight::is_held(const std::string& name) const {
 
 Status Preflight::ready() const { return check(assess(inputs_)); }
 
+bool Preflight::can_become_ready() const {
+  return std::ranges::none_of(assess(inputs_),
+                              [](const auto& one) { return one.problem == checks::Problem::battery_low; });
+}
+
 std::string Preflight::list() const {
   FlightInputs inputs = inputs_;
   inputs.path = check_path(options_, inputs_);

@@ -50,6 +50,8 @@ class Preflight {
 
   /// Whether link would let every drone take off; else what is broken, and its cure.
   Status ready() const;
+  /// Whether waiting may make it so: no battery becomes fuller.
+  bool can_become_ready() const;
   /// Drones, addresses, batteries, poses, leases, the fence, the clocks and the ledger, one a line, with cures.
   std::string list() const;
   /// Whether the path stays within the fence from where the drones stand.

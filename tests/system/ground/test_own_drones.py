@@ -145,6 +145,8 @@ def test_preflight_names_what_is_wrong_and_its_cure_and_fly_refuses_it(tmp_path)
         code, checks = preflight(file)
         assert code == 1 and checks[None, "ledger"]["verdict"] == "broken" and checks[None, "ledger"]["cure"]
         assert ("tello1", "lease") not in checks
+        refused = refusal(tmp_path, deployment(tmp_path, POSES + SAFE), 1)
+        assert "not ready: tello1's battery: 12 %" in refused and "Waiting for what is broken" not in refused, refused
     assert_nothing_left()
 
 
@@ -171,6 +173,6 @@ def test_a_missing_drone_is_named(tmp_path):
     with somebody_elses_drones(tmp_path, drones=1):
         text = refusal(tmp_path, file, 1)
     assert re.search(r"broken +drone +drone_silent: tello2: 127\.0\.0\.3", text), text
-    error = text.split("not every drone is there after 4 s")[1]
+    error = text.split("not ready after 4 s: ")[1]
     assert "tello2's drone: 127.0.0.3: the drone does not answer" in error and "tello1" not in error
     assert_nothing_left()

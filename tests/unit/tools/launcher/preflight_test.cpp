@@ -42,8 +42,13 @@ TEST(Preflight, EveryDroneMustBeReady) {
                     Not(HasSubstr("d1"))));
   preflight.on_status(line_of("d2", "landed", "none"));
   EXPECT_TRUE(preflight.ready());
+  EXPECT_TRUE(preflight.can_become_ready());
+  preflight.on_status(line_of("d1", "on_ground", "pose_lost", "null"));
+  EXPECT_FALSE(preflight.ready());
+  EXPECT_TRUE(preflight.can_become_ready()) << "motion capture may see it in a moment";
   preflight.on_status(line_of("d1", "on_ground", "battery_low"));
   EXPECT_FALSE(preflight.ready());
+  EXPECT_FALSE(preflight.can_become_ready());
 }
 
 TEST(Preflight, TheListHasWhatAPersonChecks) {
