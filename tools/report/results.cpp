@@ -302,21 +302,21 @@ std::vector<std::string> fault_lines(const Results& r) {
 std::vector<std::string> differences(const Results& r) {
   const std::string embedded = "the embedded node, one process, storage " + r.storage;
   return {
-      "theirs: " + std::string("Wi-Fi between three machines and real drones; here: one machine, ") +
+      "the published study: " + std::string("Wi-Fi between three machines and real drones; here: one machine, ") +
           (r.asked.own ? "drones of a deployment" : "loopback, simulated drones"),
-      "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: " +
+      "the published study: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: " +
           (launcher::is_of_others(r.asked)            ? std::string("a network of others")
            : r.asked.ledger == launcher::Ledger::none ? "no ledger, the controller beside the driver"
            : r.asked.ledger == launcher::Ledger::fabric
                ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s), storage {}",
                              r.asked.orderers, r.storage)
                : embedded),
-      "theirs: blocks of 10 messages or 2 s; here: " +
+      "the published study: blocks of 10 messages or 2 s; here: " +
           (launcher::is_of_others(r.asked) ? std::string("as that network has it")
            : r.asked.ledger == launcher::Ledger::none
                ? "none"
                : fmt::format("{} or {:.0f} ms", r.asked.batch_count, to_ms(r.asked.batch_timeout_ns))),
-      fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),
+      fmt::format("the published study: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),
   };
 }
 

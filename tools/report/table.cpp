@@ -57,7 +57,7 @@ std::string to_table(const Results& r) {
   if (const auto faults = fault_lines(r); !faults.empty())
     text += fmt::format("\n  Faults:\n    {}\n", fmt::join(faults, "\n    "));
 
-  text += fmt::format("\n  {:<10}{:>10}{:>10}{:>12}  {:<40} {}\n", "path", "rms, m", "max, m", "laps, s", "states",
+  text += fmt::format("\n  {:<10} {:>9} {:>9} {:>11}  {:<48}  {}\n", "path", "rms, m", "max, m", "laps, s", "states",
                       "commands");
   for (const DroneResult& d : r.drones) {
     double laps_s = 0;
@@ -66,7 +66,7 @@ std::string to_table(const Results& r) {
         d.lap_s.empty() ? "-"
                         : fmt::format("{} x {:.1f}", d.lap_s.size(), laps_s / static_cast<double>(d.lap_s.size()));
     text += fmt::format(
-        "  {:<10}{:>10}{:>10}{:>12}  {:<40} {}\n", d.id,
+        "  {:<10} {:>9} {:>9} {:>11}  {:<48}  {}\n", d.id,
         d.path_flown ? fmt::format("{:.3f}", d.cross_track_rms_m) : "-",
         d.path_flown ? fmt::format("{:.3f}", d.cross_track_max_m) : "-", laps,
         fmt::format("{} on the ledger, {} merged, {} dropped", d.states.on_ledger, d.states.merged, d.states.dropped),

@@ -33,8 +33,8 @@ export class BatteryTime {
 
 /// Words, and how bad it is: '', 'warn' or 'bad'.
 export function timeLeft(left_s) {
-  if (left_s === null) return { words: '—', level: '' };
-  if (left_s < 60) return { words: 'less than a minute left', level: 'bad' };
+  if (left_s === null) return { words: 'not known yet', level: '' };
+  if (left_s < 60) return { words: 'less than a minute', level: 'bad' };
   const minutes = Math.floor(left_s / 60);
-  return { words: `about ${minutes} min left`, level: minutes < 2 ? 'bad' : minutes < 4 ? 'warn' : '' };
+  return { words: `about ${minutes} min`, level: minutes < 2 ? 'bad' : minutes < 4 ? 'warn' : '' };
 }

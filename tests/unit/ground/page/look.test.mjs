@@ -18,14 +18,14 @@ function drained(minutes, a_minute, from = 100, battery = new BatteryTime(), sta
 test('a battery that falls steadily lasts as long as it falls', () => {
   const left = drained(4, 6).left_s(); // 76 % are left, at 6 % a minute
   assert.ok(Math.abs(left - (76 / 6) * 60) < 25, `${left} s`);
-  assert.equal(timeLeft(left).words, 'about 12 min left');
+  assert.equal(timeLeft(left).words, 'about 12 min');
 });
 
 test('nobody can tell before two minutes and three percent', () => {
   assert.equal(new BatteryTime().left_s(), null);
   assert.equal(drained(1.9, 10).left_s(), null);
   assert.equal(drained(4, 0.4).left_s(), null);
-  assert.equal(timeLeft(null).words, '—');
+  assert.equal(timeLeft(null).words, 'not known yet');
 });
 
 test('only the last five minutes count, and a new battery starts again', () => {
@@ -47,9 +47,9 @@ test('one that is not known, or rises, is no time', () => {
 });
 
 test('little time is shown as little, by text and not by colour alone', () => {
-  assert.deepEqual(timeLeft(59), { words: 'less than a minute left', level: 'bad' });
-  assert.deepEqual(timeLeft(119), { words: 'about 1 min left', level: 'bad' });
-  assert.deepEqual(timeLeft(200), { words: 'about 3 min left', level: 'warn' });
+  assert.deepEqual(timeLeft(59), { words: 'less than a minute', level: 'bad' });
+  assert.deepEqual(timeLeft(119), { words: 'about 1 min', level: 'bad' });
+  assert.deepEqual(timeLeft(200), { words: 'about 3 min', level: 'warn' });
 });
 
 test('every delay has its bucket, and each begins where the one before ends', () => {

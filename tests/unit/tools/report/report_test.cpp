@@ -266,7 +266,11 @@ TEST_F(RunDirectory, ARunThatWentWrongSaysWhyAndNamesWhatIsMissing) {
 
 TEST_F(RunDirectory, TheTableShowsOursBesideThePublishedFiguresAndWhatDiffers) {
   fill();
-  const std::string table = to_table(read_results(files, options, run));
+  Results results = read_results(files, options, run);
+  results.drones.at(0).states = {.sampled = 99'999, .sent = 0, .on_ledger = 12'345, .merged = 1'234, .dropped = 12'345};
+  const std::string table = to_table(results);
+  EXPECT_THAT(table, HasSubstr("12345 on the ledger, 1234 merged, 12345 dropped  ")) << "columns stay apart";
+  EXPECT_THAT(table, HasSubstr("the published study: Wi-Fi between three machines"));
   for (const char* part : {"tello1 two-way", "tello1 age at application", "published two-way, square", "456",
                            "What differs", "0.100", "2 x 13.0", "tmpfs", "link 12.3 %"}) {
     EXPECT_THAT(table, HasSubstr(part));
