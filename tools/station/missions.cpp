@@ -87,8 +87,9 @@ Status act(Station& station, const VerbOptions& verb_options, const std::string&
     return body ? print(verb_options, *body, mission_text(*body)) : Status(body.error());
   }
   if (verb == "approve") {
-    if (auto approved = approve_and_wait(station, verb_options.id); !approved) return approved;
-    return print(verb_options, R"({"accepted":true})", fmt::format("{}: approve: done\n", verb_options.id));
+    const auto approved = approve_and_wait(station, verb_options.id);
+    if (!approved) return approved.error();
+    return print(verb_options, R"({"accepted":true})", fmt::format("{}: approve: {}\n", verb_options.id, *approved));
   }
   const auto body =
       station.request(verb == "remove" ? station::Request{.method = "DELETE", .target = target, .anybodys = false}

@@ -24,6 +24,13 @@ constexpr ground::json::Bounds kept_bounds{mission::max_saved_bytes + 4096, 8,
 
 Error unknown(const std::string& id) { return Error{fmt::format("there is no mission \"{}\"", id.substr(0, 64))}; }
 
+/// What to do with one that is over.
+std::string flown(const std::string& name, const std::string& id) {
+  return fmt::format(
+      "mission {} has been flown; its owner removes it (`ledgerline missions remove {}`), then it is added again", name,
+      id);
+}
+
 /// {"tello1":[[x,y,z]...]}, in text: it is as long as the mission.
 std::string paths_of(const mission::Mission& mission, double height_m) {
   std::string paths = "{";
@@ -55,7 +62,11 @@ MissionBook::MissionBook(MissionSettings settings, crypto::IdentityName self)
 
 Result<std::string> MissionBook::add(MissionRun run, std::optional<crypto::IdentityName> by) {
   const std::string id = crypto::hex(run.digest()).substr(0, id_digits);
-  if (has(id)) return Error{fmt::format("mission {} is here already, as {}", run.mission().name, id)};
+  if (const Entry* known = find(id)) {
+    return Error{known->run->phase() >= RunPhase::done
+                     ? flown(run.mission().name, id)
+                     : fmt::format("mission {} is here already, as {}", run.mission().name, id)};
+  }
   if (missions_.size() >= max_missions)
     return Error{fmt::format("there are {} missions already: remove one", max_missions)};
   Entry entry{.run = std::make_unique<MissionRun>(std::move(run)), .paths = {}, .by = std::move(by)};
@@ -179,6 +190,7 @@ Status MissionBook::start(const std::string& id, const std::optional<crypto::Ide
   return apply_request(id, [&](Entry& entry) -> Status {
     if (const Status allowed = may(by, entry); !allowed) return allowed;
     if (!core.config().manual) return Error{"this flight flies a path of its own"};
+    if (entry.run->phase() >= RunPhase::done) return Error{flown(entry.run->mission().name, id)};
     set_findings(id, checked.findings);
     // What is missing is said first: one that is flown already is not where it was checked.
     if (entry.run->phase() < RunPhase::taking_off) {

@@ -189,6 +189,12 @@ def test_a_mission_is_flown_by_commands(tmp_path):
     for name in ("tello1", "tello2"):
         station.wait(name, lambda drone: drone["phase"] == "landed")
     wait("aborted")
+    for again in (("start", mission), ("add", MISSION)):
+        assert f"its owner removes it (`ledgerline missions remove {mission}`)" in alice.refused("missions", *again)
+    alice.says("missions", "remove", mission)
+    alice.says("missions", "add", MISSION)
+    assert "still counts" in alice.says("missions", "approve", mission), "the ledger has her approval from before"
+    assert alice.json("missions", "show", mission)["phase"] == "approved"
     alice.says("missions", "remove", mission)
     assert alice.json("missions") == {"missions": []}
     named = tmp_path / "two.csv"

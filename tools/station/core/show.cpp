@@ -30,6 +30,7 @@ Result<T> read_answer(std::string_view body, std::string_view what, const Read& 
 }
 
 constexpr std::size_t age_column = 4;
+constexpr std::string_view anchored_already = " has anchored this digest already";  // the contract's anchor says so
 
 /// Characters, not bytes.
 std::size_t width(const std::string& text) {
@@ -242,7 +243,15 @@ std::string digests_json(const MissionDigests& digests, const std::string& at_st
 
 Result<Approvals> approvals_from(std::string_view body) {
   return read_answer<Approvals>(body, "a mission", [](const json& mission) {
-    return Approvals{text_at(mission, "name"), mission.at("approvals").size()};
+    return Approvals{text_at(mission, "name"), mission.at("approvals").get<std::vector<std::string>>()};
+  });
+}
+
+bool is_anchored_already(std::string_view text) { return text.find(anchored_already) != std::string_view::npos; }
+
+bool counts_already(const Approvals& approvals, std::string_view text) {
+  return std::ranges::any_of(approvals.signers, [&](const std::string& signer) {
+    return text.find(signer + std::string(anchored_already)) != std::string_view::npos;
   });
 }
 

@@ -47,9 +47,13 @@ std::string digests_text(const MissionDigests& digests);
 std::string digests_json(const MissionDigests& digests, const std::string& at_station = "null");
 
 struct Approvals {
-  std::string name;  ///< of the mission
-  std::size_t count = 0;
+  std::string name;                    ///< of the mission
+  std::vector<std::string> signers{};  ///< "Org2MSP CN=..."
 };
+/// Whether an event's text is the ledger's refusal of who has approved before.
+bool is_anchored_already(std::string_view text);
+/// That refusal is of one of these signers, so the approval counts.
+bool counts_already(const Approvals& approvals, std::string_view text);
 /// Of GET missions/ID.
 Result<Approvals> approvals_from(std::string_view body);
 

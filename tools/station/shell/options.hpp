@@ -105,7 +105,8 @@ Result<std::uint64_t> newest_event(Station& station);
 Status wait_or_hear(Station& station, const std::vector<std::string>& names, const std::string& refusal,
                     std::uint64_t number, const std::string& what, TimeNs limit_ns,
                     const std::function<Result<bool>(std::string_view drones)>& is_there);
-/// Approves a mission, and waits until the station counts it, so that a start may follow; or until it is refused.
-Status approve_and_wait(Station& station, const std::string& id);
+/// Approves a mission, and waits until the station counts it, so that a start may follow; or until it is refused. How
+/// that went: who has approved before, and still counts, need not again.
+Result<std::string> approve_and_wait(Station& station, const std::string& id);
 
 }  // namespace ledgerline::station

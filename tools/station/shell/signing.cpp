@@ -139,32 +139,39 @@ Status wait_or_hear(Station& station, const std::vector<std::string>& names, con
   });
 }
 
-Status approve_and_wait(Station& station, const std::string& id) {
+Result<std::string> approve_and_wait(Station& station, const std::string& id) {
   const auto before = approvals_of(station, id);
   if (!before) return before.error();
   const auto newest = newest_event(station);
   if (!newest) return newest.error();
   std::uint64_t number = *newest;
   if (const auto taken = station.request(mission_request(id, "approve")); !taken) return taken.error();
+  std::string refusal;  // of who has approved before
   const std::string said = "approve mission " + before->name, refused = said + ": refused";
   TimeNs until_ns = monotonic_ns() + outcome_limit_ns;
   bool is_signed = false;
   for (; monotonic_ns() < until_ns; rest(ask_every_ns)) {
     const auto now = approvals_of(station, id);
     if (!now) return now.error();
-    if (now->count > before->count) return done;
+    if (now->signers.size() > before->signers.size()) return std::string("done");
+    if (!refusal.empty() && counts_already(*now, refusal)) return std::string("approved before, and that still counts");
     const auto events = events_behind(station, number);
     if (!events) return events.error();
     for (const ShownEvent& event : *events) {
       number = event.number;
-      if (event.level != "info" && (event.text.find(said) != std::string::npos || event.text.starts_with(refused)))
-        return Error{event.text};
+      if (event.level != "info" && (event.text.find(said) != std::string::npos || event.text.starts_with(refused))) {
+        if (!is_anchored_already(event.text)) return Error{event.text};
+        refusal = event.text;  // the approvals of a mission that was just added may not have been read yet
+        until_ns = monotonic_ns() + counted_limit_ns;
+      }
       if (is_signed || !event.text.ends_with(said)) continue;
       is_signed = true;
       until_ns = monotonic_ns() + counted_limit_ns;
     }
   }
-  return is_signed ? Status(done) : Status(Error{fmt::format("{}: nothing came of it within 30 s", said)});
+  if (!refusal.empty()) return Error{refusal};
+  if (is_signed) return std::string("done");
+  return Error{fmt::format("{}: nothing came of it within 30 s", said)};
 }
 
 }  // namespace ledgerline::station

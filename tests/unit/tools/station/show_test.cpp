@@ -166,7 +166,12 @@ TEST(AMission, SaysHowManyApprovalsItHas) {
   const auto approvals = approvals_from(mission_json("checked").dump());
   ASSERT_TRUE(approvals) << approvals.error().message;
   EXPECT_EQ(approvals->name, "survey");
-  EXPECT_EQ(approvals->count, 1U);
+  ASSERT_EQ(approvals->signers.size(), 1U);
+  const std::string refused = "approve mission survey: refused: anchor: ";
+  EXPECT_TRUE(
+      counts_already(*approvals, refused + approvals->signers[0] + " has anchored this digest already; verify"));
+  EXPECT_FALSE(counts_already(*approvals, refused + "Org2MSP CN=eve has anchored this digest already; verify"))
+      << "it was withdrawn";
   EXPECT_FALSE(approvals_from("{}"));
 }
 

@@ -91,6 +91,9 @@ TEST_F(Book, AMissionIsAddedApprovedFlownAndRecorded) {
   EXPECT_FALSE(book.busy());
   const json record = json::parse(book.record(id, 1'700'000'000));
   EXPECT_EQ(record["phase"], "done");
+  const std::string next = "has been flown; its owner removes it (`ledgerline missions remove " + id + "`)";
+  EXPECT_THAT(start(id).error().message, HasSubstr(next));
+  EXPECT_THAT(add(mission_of("survey", {"tello1", "tello2"})).error().message, HasSubstr(next));
   EXPECT_EQ(record["unix_time_s"], 1'700'000'000);
   EXPECT_EQ(record["mission"]["name"], "survey");
   EXPECT_EQ(record["by"], "Org2MSP CN=User1@org2");
