@@ -50,6 +50,8 @@ export function cleaned(drone) {
   };
 }
 
+const isDown = (drone) => drone.link_phase === 'on_ground' || drone.link_phase === 'landed';
+
 /// Fixed digits; what rounds to zero has no sign.
 export const fixed = (value, digits) => (Number(value.toFixed(digits)) + 0).toFixed(digits);
 
@@ -128,14 +130,13 @@ class Card {
 
   /// Every state, also while nobody looks.
   take(drone, now) {
-    if (drone.has_state) this.#battery.add(now, drone.battery_percent);
+    if (drone.has_state) this.#battery.add(now, drone.battery_percent, !isDown(drone));
   }
 
   show(drone, ages, connected, selected, now) {
     this.#drone = drone;
     const state = freshness(ages.state, connected);
-    const down = drone.link_phase === 'on_ground' || drone.link_phase === 'landed';
-    const command = down ? { words: 'none, on the ground', level: 'none' } : freshness(ages.command, connected);
+    const command = isDown(drone) ? { words: 'none, on the ground', level: 'none' } : freshness(ages.command, connected);
     this.fresh = state.level === 'fresh' || state.level === 'late';
     const fields = this.#fields;
     this.element.classList.toggle('selected', selected);

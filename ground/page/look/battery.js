@@ -10,9 +10,11 @@ const NEW_BATTERY = 5; // percent up at once: it was changed, or is charged
 export class BatteryTime {
   #points = []; // {t, percent}
 
-  add(now, percent) {
+  /// On the ground it says nothing of a flight: what was known is forgotten.
+  add(now, percent, flies = true) {
+    if (!flies) this.#points = [];
     const last = this.#points.at(-1);
-    if (percent === null || (last && now - last.t < EVERY_MS)) return;
+    if (!flies || percent === null || (last && now - last.t < EVERY_MS)) return;
     if (last && percent > last.percent + NEW_BATTERY) this.#points = [];
     this.#points.push({ t: now, percent });
     while (now - this.#points[0].t > WINDOW_MS) this.#points.shift();

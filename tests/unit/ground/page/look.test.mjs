@@ -46,6 +46,15 @@ test('one that is not known, or rises, is no time', () => {
   assert.equal(charged.left_s(), null);
 });
 
+test('on the ground there is no time left, and the next flight is counted on its own', () => {
+  const battery = drained(4, 6);
+  battery.add(241000, 76, false);
+  assert.equal(battery.left_s(), null);
+  for (let ms = 243000; ms < 600000; ms += 2000) battery.add(ms, 76 - ms / 60000, false);
+  assert.equal(battery.left_s(), null);
+  assert.notEqual(drained(4, 6, 70, battery, 600000).left_s(), null);
+});
+
 test('little time is shown as little, by text and not by colour alone', () => {
   assert.deepEqual(timeLeft(59), { words: 'less than a minute', level: 'bad' });
   assert.deepEqual(timeLeft(119), { words: 'about 1 min', level: 'bad' });
