@@ -1,8 +1,10 @@
-// Stop all: said by every way to the station and repeated until it accepts, and what is confirmed for each drone since.
+// Stop all: said by every way to the station and repeated until it accepts, what is confirmed for each drone since, and
+// how it goes on when all are down.
 
 const AGAIN_MS = 500;
 const MAX_TRIES = 60;
 const STEPS = ['sent', 'accepted', 'on ledger', 'landing', 'on ground'];
+const NEXT = 'All are on the ground. Clear the stops to take off again; what somebody else has stopped, he clears.';
 const DOWN = ['waiting', 'landed', 'failed'];
 
 function stepsOf(drone) {
@@ -10,14 +12,16 @@ function stepsOf(drone) {
   return { 'on ledger': drone.stopped_by?.length > 0, landing: drone.phase === 'landing', 'on ground': down };
 }
 
+const isOnLedger = (rows) => rows.size > 0 && [...rows.values()].every(({ done }) => done.has('on ledger'));
 /// Every stop was on the ledger, and is not any more.
-const isCleared = (drones, rows) => rows.size > 0 && [...rows.values()].every(({ done }) => done.has('on ledger')) && !drones.some((drone) => drone.stopped_by?.length > 0);
+const isCleared = (drones, rows) => isOnLedger(rows) && !drones.some((drone) => drone.stopped_by?.length > 0);
 
 export class StopAll {
   #connection;
   #nameOf;
   #panel = document.getElementById('stop-panel');
   #words = document.getElementById('stop-words');
+  #clear = document.getElementById('stop-clear');
   #list = document.getElementById('stop-list');
   #rows = new Map(); // name -> {row, done: set of steps}
   #tries = 0;
@@ -30,6 +34,7 @@ export class StopAll {
     this.#connection = connection;
     this.#nameOf = nameOf;
     document.getElementById('stop-all').addEventListener('click', () => this.stop());
+    this.#clear.addEventListener('click', () => this.#clearAll());
     document.getElementById('stop-close').addEventListener('click', () => this.#close());
   }
 
@@ -49,6 +54,7 @@ export class StopAll {
     this.#panel.hidden = false;
     this.#tries = 0;
     this.#accepted = false;
+    this.#clear.hidden = true;
     this.#list.replaceChildren();
     this.#rows.clear();
     for (const drone of drones) this.#mark(drone.name, 'sent');
@@ -81,7 +87,20 @@ export class StopAll {
         if (done) this.#mark(drone.name, step, step === 'on ledger' ? `: ${drone.stopped_by.map(this.#nameOf).join(', ')}` : '');
       }
     }
+    if (!this.pending && isOnLedger(this.#rows) && this.#clear.hidden) {
+      this.#clear.hidden = false;
+      this.#words.textContent = NEXT;
+    }
     if (!this.pending && isCleared(drones, this.#rows)) this.#close();
+  }
+
+  /// What comes of it the drones' cards say; who is refused, and why, is said here.
+  async #clearAll() {
+    this.#words.textContent = 'Clear all stops: sent.';
+    const stopped = this.drones.filter((drone) => drone.stopped_by?.length > 0);
+    const answers = await Promise.all(stopped.map(({ name }) => this.#connection.request('POST', `drones/${encodeURIComponent(name)}/clear_stop`, {})));
+    const refused = answers.flatMap((answer, i) => (answer.ok ? [] : [`${stopped[i].name}: ${answer.words}`]));
+    if (refused.length && !this.#clear.hidden) this.#words.textContent = `Not cleared: ${refused.join('; ')}.`;
   }
 
   get pending() {

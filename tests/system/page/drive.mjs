@@ -184,7 +184,9 @@ async function stopAll(page, name) {
   }
   const { card } = cardOf(page, name);
   check(await card.locator('[data-field=why]').isVisible(), 'the card does not say that it was stopped');
-  for (const clear of await page.locator('[data-action=clear_stop]').all()) await clear.click();
+  await page.locator('#stop-words', { hasText: 'All are on the ground. Clear the stops' }).waitFor({ timeout: LANDED_MS });
+  check(await page.locator('#stop-panel').evaluate((panel) => panel.scrollHeight <= panel.clientHeight + 1), 'the stop panel is cut off');
+  await page.locator('#stop-clear').click();
   await page.locator('#stop-panel').waitFor({ state: 'hidden', timeout: LANDED_MS });
   await card.locator('[data-field=why]').waitFor({ state: 'hidden', timeout: LANDED_MS });
 }
