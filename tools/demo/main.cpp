@@ -12,6 +12,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/command/verbs.hpp"
+#include "tools/launcher/machine.hpp"
 
 namespace {
 
@@ -55,6 +56,11 @@ int ledgerline::command::demo(int argc, char** argv) {
   line.flag("--open", opens, "Open the page in the browser, where there is xdg-open");
   line.option("--out", out, "Directory of the run; else chosen by the time");
   if (const auto end = line.parse(argc, argv)) return *end;
+  {  // before all the words; the flight takes it again
+    const auto lock =
+        launcher::RunLock::acquire(launcher::RunLock::machine_file, fmt::format("process {}, a demo", ::getpid()));
+    if (!lock) return fail(lock.error());
+  }
   tell(build_or_prefix() / "share/ledgerline/examples/mission-two.csv");
   std::vector<std::string> words{programs_directory() / "ledgerline",
                                  "fly",

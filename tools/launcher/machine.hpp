@@ -11,6 +11,8 @@ namespace ledgerline::launcher {
 /// lock, so it is held until the last process of a run is gone, even when the launcher was killed.
 class RunLock {
  public:
+  static constexpr const char* machine_file = "/tmp/ledgerline-fly.lock";
+
   /// The error names who holds it. `about`: the message for the next one.
   static Result<RunLock> acquire(const std::string& file, const std::string& about);
   RunLock(RunLock&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }

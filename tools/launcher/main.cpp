@@ -25,8 +25,6 @@ namespace {
 using namespace ledgerline;
 namespace fs = std::filesystem;
 
-const char* const lock_file = "/tmp/ledgerline-fly.lock";
-
 // In the tree's build folder: build/runs/TIME; elsewhere: ./runs/TIME.
 Result<fs::path> default_run_directory() {
   const std::time_t now = std::time(nullptr);
@@ -115,8 +113,8 @@ int ledgerline::command::fly(int argc, char** argv) {
   launcher::RunFiles files{fs::absolute(*out)};
   if (const std::string problem = utf8_path_problem(files.directory); !problem.empty())
     return failed("--out: " + problem);
-  const auto lock =
-      launcher::RunLock::acquire(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
+  const auto lock = launcher::RunLock::acquire(launcher::RunLock::machine_file,
+                                               fmt::format("process {}, into {}", ::getpid(), files.directory));
   if (!lock) return failed(lock.error().message);
 
   std::vector<std::string> notes = asked.options.notes;

@@ -40,6 +40,8 @@ def test_the_demo_says_where_to_click_and_ends_with_nothing_left(tmp_path):
     (browser / "xdg-open").write_text(f"#!/bin/sh\necho \"$*\" > {browser}/asked\n")
     (browser / "xdg-open").chmod(0o755)
     flight, station = demo(BIN / "ledgerline", tmp_path, "--open", path=f"{browser}:")
+    second = subprocess.run([BIN / "ledgerline", "demo"], capture_output=True, text=True, timeout=60)
+    assert second.returncode == 1 and "a flight is already in progress" in second.stderr and second.stdout == "", second
     check_and_end(flight, station, tmp_path)
     asked = (browser / "asked").read_text().strip()
     assert asked == f"{tmp_path}/run/open.html" and station.token in pathlib.Path(asked).read_text()
