@@ -204,8 +204,10 @@ namespace {
 constexpr int first_drones = 16;
 
 template <typename Message>
-void add_drones(Message& call) {
-  for (int number = 1; number <= first_drones; ++number) call.add_drones("tello" + std::to_string(number));
+void add_drones(Message& call, const std::vector<std::string>& drones) {
+  for (const std::string& name : drones) call.add_drones(name);
+  for (int number = 1; drones.empty() && number <= first_drones; ++number)
+    call.add_drones("tello" + std::to_string(number));
 }
 
 EnrollCall enrolment(const crypto::IdentityName& user) {
@@ -215,9 +217,9 @@ EnrollCall enrolment(const crypto::IdentityName& user) {
   return call;
 }
 
-GrantCall grant_to_operators() {
+GrantCall grant_to_operators(const std::vector<std::string>& drones) {
   GrantCall call;
-  add_drones(call);
+  add_drones(call, drones);
   Grant& grant = *call.mutable_grant();
   grant.mutable_to()->set_msp_id("Org2MSP");
   grant.set_fly(true);
@@ -229,12 +231,13 @@ GrantCall grant_to_operators() {
 
 }  // namespace
 
-std::vector<FirstCall> first_calls(int organisation, const crypto::IdentityName& user) {
+std::vector<FirstCall> first_calls(int organisation, const crypto::IdentityName& user,
+                                   const std::vector<std::string>& drones) {
   EnrollCall enroll = enrolment(user);
   if (organisation == 1) {
-    add_drones(enroll);
+    add_drones(enroll, drones);
     return {{contract::enroll, enroll.SerializeAsString()},
-            {contract::grant, grant_to_operators().SerializeAsString()}};
+            {contract::grant, grant_to_operators(drones).SerializeAsString()}};
   }
   if (organisation != 2) return {};
   enroll.set_role(OPERATOR);

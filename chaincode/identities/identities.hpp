@@ -64,9 +64,10 @@ struct FirstCall {
 };
 
 /// What an organisation's administrator calls on a new ledger of our own, embedded or Fabric, of three organisations:
-/// Org1's User1 is the host of tello1 to tello16, which are granted to Org2 without a bound; Org2's User1 is an
-/// operator. Each may be called again. `organisation` counts from 1, `user` is its User1.
-std::vector<FirstCall> first_calls(int organisation, const crypto::IdentityName& user);
+/// Org1's User1 is the host of `drones` (none: tello1 to tello16), which are granted to Org2 without a bound; Org2's
+/// User1 is an operator. Each may be called again. `organisation` counts from 1, `user` is its User1.
+std::vector<FirstCall> first_calls(int organisation, const crypto::IdentityName& user,
+                                   const std::vector<std::string>& drones);
 /// How many there are, of all organisations.
 inline constexpr std::size_t first_call_count = 3;
 

@@ -35,6 +35,7 @@ struct Options {
   bool short_slices = false;                       ///< of all other parts here
   TimeNs timeout_ns = 120 * ns_per_s;              ///< how long parts on other hosts are waited for
   std::vector<std::string> channels{"teleop"};
+  std::vector<std::string> drones{};  ///< that are enrolled first; none: tello1 to tello16
   int batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   /// Also how much of Raft's log an orderer reads at a time when it starts: more than lies between two snapshots,

@@ -317,6 +317,8 @@ void add_network_options(Verb verb, VerbOptions& verb_options) {
   verb.option("--channel", options.channels, "A channel's name; give it again for more")
       .one_at_a_time()
       .shows_default();
+  verb.option("--drone", options.drones, "A drone that is enrolled first; more than once; none: tello1 to tello16")
+      .one_at_a_time();
   verb.option("--first-port", options.first_port, "The first of the TCP ports, 3 a part; 0 looks for free ones")
       .shows_default();
   verb.option("--organisation", verb_options.organisations, "HOST:PORT of one; three times, for several hosts")

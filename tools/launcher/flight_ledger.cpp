@@ -4,7 +4,6 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "common/msg/contract.hpp"
 #include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"
@@ -25,6 +24,7 @@ Status FlightLedger::start() {
   std::vector<std::string> ledger{
       "--dir",     files_.in("ledger"),      "--batch-count",   std::to_string(options_.batch_count),
       "--summary", files_.summary(program_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
+  for (const std::string& name : drone_names(options_)) ledger.insert(ledger.end(), {"--drone", name});
   if (options_.ledger == Ledger::fabric) {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
@@ -101,15 +101,6 @@ Status FlightLedger::enroll_and_acquire() {
   }
   if (!network || !network->admin.empty()) {
     if (auto s = programs_.run_to_end("control-enroll", enroll); !s) return s;
-  }
-  if (options_.own && !network) {  // a new ledger grants the operators tello1 and so on alone
-    std::vector<std::string> grant{"--config",       files_.config("admin"),
-                                   "grant",          "--msp",
-                                   "Org2MSP",        "--fly",
-                                   "--stop",         "--cut",
-                                   "--max-priority", std::to_string(contract::max_priority)};
-    for (const std::string& name : drone_names(options_)) grant.push_back(name);
-    if (auto s = programs_.run_to_end("control-grant", grant); !s) return s;
   }
   if (!options_.operators.empty()) return enroll_operators();
   if (acquires) {

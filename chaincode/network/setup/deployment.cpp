@@ -247,7 +247,7 @@ Status Deployment::enroll_first_on(const std::string& channel) {
     if (!user) return user.error();
     const auto client = site_.connect(k, channel);
     if (!client) return client.error();
-    for (const FirstCall& call : first_calls(k, {identities::msp_id_of(k), user->subject})) {
+    for (const FirstCall& call : first_calls(k, {identities::msp_id_of(k), user->subject}, site_.options().drones)) {
       if (Status s = call_until(**client, call, until); !s) return s;
     }
   }

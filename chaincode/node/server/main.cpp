@@ -24,8 +24,8 @@ Examples:
   cp -r /tmp/ledger/crypto /tmp/yard && ledgerline-node --dir /tmp/yard --channel yard --listen 127.0.0.1:7061
 
 Serves Fabric's gateway, endorser, deliver and ordering over TLS, for one channel and contract ledgerline. The first start
-makes three organisations under DIR/crypto (cryptogen's layout), enrolls tello1 to tello16 to Org1's User1 and makes Org2's
-User1 an operator. Prints {"ready":true,"endpoint":...,"peers":[...]} when it serves: `peers` are the endpoints of the
+makes three organisations under DIR/crypto (cryptogen's layout), enrolls the drones to Org1's User1 and makes Org2's User1 an
+operator. Prints {"ready":true,"endpoint":...,"peers":[...]} when it serves: `peers` are the endpoints of the
 three organisations' peers, the first of which is `endpoint` and serves everybody. SIGINT or SIGTERM ends it.
 Exit codes: 0 ended by a signal, 1 failed, 2 wrong usage.)";
 
@@ -60,6 +60,8 @@ int main(int argc, char** argv) {
       .one_at_a_time();
   line.option("--channel", options.core.channel, "The channel's name; of a ledger that is there, as it was")
       .shows_default();
+  line.option("--drone", options.drones, "A drone that a new ledger enrolls; more than once; none: tello1 to tello16")
+      .one_at_a_time();
   line.option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
       .within(0.0, 60000.0)
       .shows_default();

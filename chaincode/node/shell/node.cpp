@@ -152,7 +152,7 @@ Status Node::enroll_first() {
     const auto admin = load("Admin"), user = load("User1");
     if (!admin) return admin.error();
     if (!user) return user.error();
-    for (const FirstCall& call : first_calls(number, user->name)) {
+    for (const FirstCall& call : first_calls(number, user->name, options_.drones)) {
       if (Status s = submit_now(*admin, call.function, call.argument); !s) return s;
     }
   }

@@ -46,6 +46,7 @@ class Node {
   struct Options {
     std::string dir;
     CoreConfig core;
+    std::vector<std::string> drones{};      ///< that a new ledger enrolls; none: tello1 to tello16
     std::uint64_t kept_bytes = 64'000'000;  ///< of the disk, for what is urgent; of a small one a thirty-second
   };
   /// Opens or makes everything under dir, replays the ledger, enrolls who comes with a new one, starts the threads.

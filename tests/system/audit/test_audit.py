@@ -216,6 +216,7 @@ def test_a_flight_is_reported_from_its_ledger_alone(tmp_path):
     run = tmp_path / "flight" / "run"
     reported = audited("--blocks", run / "ledger" / "ledger", "--anchor", run / "ledger" / "teleop.block", "--html",
                    tmp_path / "page.html", network=False)
+    assert list(reported["drones"]) == ["tello1"], "a flight's ledger enrols what is flown"
     drone = reported["drones"]["tello1"]
     assert reported["ok"] and drone["poses"] > 100 and len(drone["path"]) > 100
     (commands,) = drone["commands"]

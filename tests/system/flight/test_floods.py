@@ -13,8 +13,8 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from flights import (BIN, FLYING, NONE, as_user, assert_nothing_left, enroll_operator, fly, no_flight_outlives_its_test,
-                     printed)
+from flights import (BIN, FLYING, NONE, as_user, assert_nothing_left, control, enroll_operator, fly, no_flight_outlives_its_test,
+                     printed, user_dir)
 from page_flood import AWAY_S
 from station import Station, take_off
 from test_operators import Signed, holder, sign_in
@@ -24,7 +24,7 @@ from websockets.sync.client import ClientConnection
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 FLYERS = [f"tello{k}" for k in range(1, 5)]
-# What is stopped, and does not fly: one of the page's, and one that is only enrolled, as all of tello1 to tello16 are.
+# What is stopped, and does not fly: one of the page's, and one that is only enrolled.
 OF_THE_PAGE, OF_THE_LEDGER = "tello5", "tello9"
 SECONDS = 40       # of each flood, and of the quiet time before it: more than a hundred stops each way
 MARGIN_MS = 100    # that a stop may take beyond the quiet two-way's p99
@@ -169,6 +169,8 @@ def test_a_stop_beside_a_flood_is_as_soon_as_a_command_and_nobody_holds(tmp_path
         corners = [{"x": round(x + dx, 3), "y": round(y + dy, 3)} for dx, dy in ((1, 0), (1, 1), (0, 1), (0, 0))]
         alice.say(f"drones/{name}/path", {"waypoints": corners * 50})
         station.wait(name, lambda drone: drone["phase"] == "path")
+    host = next((user_dir(run, 1, "User1") / "signcerts").iterdir())
+    control(as_user(run, 1, "Admin"), "enroll", "--msp", "Org1MSP", "--cert", host, OF_THE_LEDGER)
     stopper = enroll_operator(run, 1, "User2")
     with station.stream() as stream:
         page = Page(station, alice, stream)

@@ -63,6 +63,7 @@ class ShellTest : public ::testing::Test {
     Node::Options options;
     options.dir = dir_;
     options.kept_bytes = kept_bytes;
+    options.drones = drones;
     options.core.batch_count = 3;
     options.core.batch_timeout_ns = 2 * ns_per_ms;
     auto opened = Node::open(options);
@@ -85,6 +86,7 @@ class ShellTest : public ::testing::Test {
   }
 
   std::filesystem::path dir_;
+  std::vector<std::string> drones;
   std::uint64_t kept_bytes = Node::Options().kept_bytes;
   Inbox<TxStatus> answers;
   std::unique_ptr<Node> node;
@@ -129,6 +131,18 @@ TEST_F(ShellTest, ANewLedgerHasItsConfigAndFirstCalls) {
   EXPECT_EQ(node->feed().height(), 4U);
   submit(R"({"id":"tello16/a","msgType":"t"})");
   EXPECT_EQ(answers.wait_for(1)[0].code, 0);
+}
+
+TEST_F(ShellTest, ANewLedgerEnrollsTheDronesThatItIsGivenAlone) {
+  node.reset();
+  std::filesystem::remove_all(dir_);
+  drones = {"raven"};
+  start();
+  EXPECT_EQ(node->feed().height(), 4U);
+  submit(R"({"id":"raven/a","msgType":"t"})");
+  EXPECT_EQ(answers.wait_for(1)[0].code, 0);
+  submit(R"({"id":"tello1/a","msgType":"t"})");
+  EXPECT_NE(answers.wait_for(2)[1].code, 0);
 }
 
 TEST_F(ShellTest, CallsFromManyThreadsAllCommitAndReadersSeeEachBlockOnce) {
