@@ -55,6 +55,13 @@ class OrderedHelp : public CLI::Formatter {
 
 std::vector<CLI::App*> verbs_of(CLI::App& app) { return app.get_subcommands({}); }
 
+/// Without the dashes, which each option has: --all is not near --url.
+std::string nearest_option(const std::string& typed, std::vector<std::string> known) {
+  for (std::string& name : known) name.erase(0, 2);
+  const std::string near = nearest_word(typed.substr(2), known);
+  return near.empty() ? "" : "--" + near;
+}
+
 /// "did you mean --laps?" for the first word that the program does not have; empty: all are known, or none is near.
 std::string suggestion(CLI::App& app, const std::vector<std::string>& arguments) {
   std::vector<std::string> names, options;
@@ -74,7 +81,7 @@ std::string suggestion(CLI::App& app, const std::vector<std::string>& arguments)
     if (!is_option && i > 0) continue;  // a value
     const std::vector<std::string>& known = is_option ? options : names;
     if (std::ranges::find(known, word) != known.end()) continue;
-    const std::string near = nearest_word(word, known);
+    const std::string near = is_option ? nearest_option(word, known) : nearest_word(word, known);
     return near.empty() ? "" : "did you mean " + near + "?\n";
   }
   return "";

@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -117,20 +119,40 @@ Status log_out(Station& station, const Target& target) {
   return done;
 }
 
+/// Of those for which it makes sense; the error says that there is none.
+Result<std::vector<std::string>> names_of_all(Station& station, const std::string& verb) {
+  const std::map<std::string, const char*> none{{"clear_stop", "no drone is stopped"},
+                                                {"acquire", "each drone is held by somebody: request it"},
+                                                {"request", "no drone is held by somebody else"},
+                                                {"release", "you hold no drone"},
+                                                {"land", "no drone is in the air"}};
+  std::string self;
+  if (verb == "request" || verb == "release") {
+    const auto operators = station.request({.target = "operators"});
+    if (!operators) return operators.error();
+    auto identity = identity_signed_in(*operators);
+    if (!identity) return identity.error();
+    self = std::move(*identity);
+  }
+  const auto body = station.request({.target = "drones"});
+  if (!body) return body.error();
+  auto names = drones_for(*body, verb, self);
+  if (names && names->empty()) return Error{none.at(verb)};
+  return names;
+}
+
 Status act(Station& station, const Target& target, const VerbOptions& verb_options, const std::string& verb) {
   if (verb.empty()) return show(station, verb_options);
   if (verb == "login") return log_in(station, target, verb_options);
   if (verb == "logout") return log_out(station, target);
   if (verb == "path") return fly_path(station, verb_options);
-  if (verb == "clear_stop" && verb_options.all) {
-    const auto body = station.request({.target = "drones"});
-    if (!body) return body.error();
-    auto stopped = stopped_drones(*body);
-    if (!stopped) return stopped.error();
-    if (stopped->empty()) return Error{"no drone is stopped"};
+  if (verb_options.all && verb != "stop" && verb != "cut") {
+    const auto names = names_of_all(station, verb);
+    if (!names) return names.error();
     VerbOptions of_all = verb_options;
-    of_all.names = std::move(*stopped);
-    return sign(station, of_all, verb);
+    of_all.all = false;
+    of_all.names = *names;
+    return act(station, target, of_all, verb);
   }
   if (is_signed_call(verb)) return sign(station, verb_options, verb);
   if (verb_options.all)
@@ -156,11 +178,10 @@ Status act_and_wait(Station& station, const Target& target, const VerbOptions& v
 }
 
 /// Empty: what was asked for makes sense.
-std::string nonsense(const VerbOptions& verb_options, const std::string& verb) {
+std::string nonsense(const VerbOptions& verb_options, const std::string& verb, bool is_for_many) {
   if (verb_options.wait && !has_an_end(verb)) return "--wait goes with takeoff, land, stop and cut";
   if (!verb.empty() && verb_options.watch) return "--watch goes with the table alone";
-  if ((verb == "stop" || verb == "cut" || verb == "clear_stop") && verb_options.names.empty() != verb_options.all)
-    return "either names, or --all";
+  if (is_for_many && verb_options.names.empty() != verb_options.all) return "either names, or --all";
   for (const std::string& name : verb_options.names) {
     if (!ground::mission::is_name(name)) return fmt::format("\"{}\" cannot be a drone's name", name);
   }
@@ -183,31 +204,32 @@ With --wait, takeoff is done when the drones fly, and land, stop and cut when th
 acquire, release, request, clear_stop, hand_over, deny: done is that the ledger has it.
 )" + std::string(shared_notes);
 
+constexpr const char* wait_help = "until it has come to that, at most 60 s";
+
 /// In the order in which help lists them.
 struct Verbs {
   Verbs(CommandLine& line, VerbOptions& verb_options) {
+    with_names(line, verb_options, "takeoff", "Take off").required();
+    with_wait(verb_options);
+    for_many(line, verb_options, "land", "Land", "every drone in the air");
+    with_wait(verb_options);
     for (const auto& [name, help] :
-         std::initializer_list<std::pair<const char*, const char*>>{{"takeoff", "Take off"},
-                                                                    {"land", "Land"},
-                                                                    {"pause", "Hover, and keep the rest of the path"},
+         std::initializer_list<std::pair<const char*, const char*>>{{"pause", "Hover, and keep the rest of the path"},
                                                                     {"resume", "Fly the rest of the path"},
                                                                     {"return", "Fly to where it took off"}})
       with_names(line, verb_options, name, help).required();
-    with_names(line, verb_options, "clear_stop", "Clear the stop, so that it may take off again");
-    all.back().flag("--all", verb_options.all, "every drone that is stopped");
-    for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
-             {"acquire", "Take the lease: take control"}, {"request", "Ask its holder for the lease"}}) {
-      with_names(line, verb_options, name, help).required();
-      all.back().option("--priority", verb_options.priority, "of the lease or the request");
-    }
-    with_names(line, verb_options, "release", "Give the lease back").required();
+    for_many(line, verb_options, "clear_stop", "Clear the stop, so that it may take off again",
+             "every drone that is stopped");
+    for_many(line, verb_options, "acquire", "Take the lease: take control", "every drone that nobody holds");
+    with_priority(verb_options);
+    for_many(line, verb_options, "request", "Ask its holder for the lease", "every drone that others hold");
+    with_priority(verb_options);
+    for_many(line, verb_options, "release", "Give the lease back", "every drone that you hold");
     all.back().flag("--yes", verb_options.yes, "of a drone in the air, too: it lands by its failsafe");
-    for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
-             {"stop", "Stop: land, and stay there until somebody clears it"},
-             {"cut", "Stop with motors off, at once"}}) {
-      with_names(line, verb_options, name, help);
-      all.back().flag("--all", verb_options.all, "every drone");
-    }
+    for_many(line, verb_options, "stop", "Stop: land, and stay there until somebody clears it", "every drone");
+    with_wait(verb_options);
+    for_many(line, verb_options, "cut", "Stop with motors off, at once", "every drone");
+    with_wait(verb_options);
     all.back().flag("--yes", verb_options.yes, "of a drone in the air, too: it drops");
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"hand_over", "Give the lease to one who has asked for it"}, {"deny", "End somebody's request"}}) {
@@ -233,17 +255,29 @@ struct Verbs {
     }
     return "";
   }
+  /// Takes names, or --all.
+  bool is_for_many(const std::string& verb) const { return std::ranges::find(many, verb) != many.end(); }
 
  private:
   Option with_names(CommandLine& line, VerbOptions& verb_options, const char* name, const char* help) {
     all.push_back(line.verb(name, help));
     return all.back().option("NAME", verb_options.names, "of drones");
   }
+  void for_many(CommandLine& line, VerbOptions& verb_options, const char* name, const char* help, const char* whom) {
+    with_names(line, verb_options, name, help);
+    all.back().flag("--all", verb_options.all, whom);
+    many.emplace_back(name);
+  }
+  void with_wait(VerbOptions& verb_options) { all.back().flag("--wait", verb_options.wait, wait_help); }
+  void with_priority(VerbOptions& verb_options) {
+    all.back().option("--priority", verb_options.priority, "of the lease or the request");
+  }
   void one_drone(CommandLine& line, VerbOptions& verb_options, const char* name, const char* help) {
     all.push_back(line.verb(name, help));
     all.back().option("NAME", verb_options.drone, "of a drone").required();
   }
   std::vector<Verb> all;
+  std::vector<std::string> many;
 };
 
 }  // namespace
@@ -253,12 +287,13 @@ int ledgerline::command::drones(int argc, char** argv) {
   VerbOptions verb_options;
   add_options(line, verb_options.options);
   line.flag("--watch", verb_options.watch, "print again at each change, until SIGINT");
-  line.flag("--wait", verb_options.wait, "of takeoff, land, stop and cut: until it has come to that, at most 60 s");
+  line.flag("--wait", verb_options.wait, std::string("of takeoff, land, stop and cut: ") + wait_help);
   const Verbs verbs(line, verb_options);
   if (const auto end = line.parse(argc, argv)) return *end;
   const std::string verb = verbs.chosen();
   if (!verb_options.drone.empty()) verb_options.names = {verb_options.drone};
-  if (const std::string why = nonsense(verb_options, verb); !why.empty()) return fail(Error{why}, exit_usage);
+  if (const std::string why = nonsense(verb_options, verb, verbs.is_for_many(verb)); !why.empty())
+    return fail(Error{why}, exit_usage);
   verb_options.options.signs_in = verb == "login";
   return run(verb_options.options,
              [&](Station& station, const Target& target) { return act_and_wait(station, target, verb_options, verb); });

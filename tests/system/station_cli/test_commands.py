@@ -68,7 +68,9 @@ def test_two_operators_fly_by_commands(tmp_path):
     assert "nobody holds its lease: `ledgerline drones acquire tello1`" in alice.refused("drones", "takeoff", "tello1")
 
     # Leases: each is on the ledger when its command ends.
-    alice.says("drones", "acquire", "tello1", "tello2")
+    alice.says("drones", "acquire", "--all")
+    assert "is held by somebody" in alice.refused("drones", "acquire", "--all")
+    assert "by somebody else" in alice.refused("drones", "request", "--all")
     assert all("alice" in drone["lease"]["holder"] for drone in anybody.json("drones")["drones"])
     assert "refused" in bob.refused("drones", "acquire", "tello1")
     bob.says("drones", "request", "tello1", "--priority", "0")
@@ -111,7 +113,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     assert anybody.json("alarms")["events"][0]["n"] == 1
     alice.says("drones", "clear_stop", "tello2")
     assert station.drone("tello2")["stopped_by"] == []
-    alice.says("drones", "land", "tello1")
+    alice.says("drones", "land", "--all", "--wait")
     station.wait("tello1", lambda drone: drone["phase"] == "landed")
     for program, shown in ((watching, "landed"), (following, "stopped by")):
         program.send_signal(signal.SIGINT)
@@ -226,7 +228,10 @@ def test_what_makes_no_sense_is_bad_usage_and_a_wrong_token_is_refused(tmp_path)
     any_port = tmp_path / "any.toml"
     any_port.write_text(config.read_text().replace(station.place, "127.0.0.1:0"))
     assert "port 0" in person.misused("alarms", "--config", any_port)
-    for words in (("stop",), ("stop", "tello1", "--all"), ("takeoff",), ("wings",), ("takeoff", "a/b"), ("stop", "--all", "--watch"), ("path", "tello1", "none.csv"),
+    for verb in ("takeoff", "land", "stop", "cut"):
+        assert "--wait" in person.says("drones", verb, "--help")
+    assert "did you mean" not in person.misused("drones", "resume", "tello1", "--all")
+    for words in (("stop",), ("land",), ("stop", "tello1", "--all"), ("takeoff",), ("wings",), ("takeoff", "a/b"), ("stop", "--all", "--watch"), ("path", "tello1", "none.csv"),
                   ("hand_over", "tello1"), ("login",)):
         person.misused("drones", *words)
     for words in (("add", "none.csv"), ("start",), ("start", "../x")):

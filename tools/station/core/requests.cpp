@@ -186,6 +186,17 @@ Result<std::string> signed_in_as(const std::string& body) {
   return read["you"].is_string() ? read["you"].get<std::string>() : std::string();
 }
 
+Result<std::string> identity_signed_in(const std::string& body) {
+  const auto name = signed_in_as(body);
+  if (!name || name->empty()) return name;
+  const json read = json::parse(body, nullptr, false);
+  for (const json& one : read.value("operators", json::array())) {
+    if (one.is_object() && one.value("name", json()) == *name && one.value("identity", json()).is_string())
+      return one["identity"].get<std::string>();
+  }
+  return Error{"the station's answer does not say who " + *name + " is"};
+}
+
 namespace {
 
 constexpr std::size_t token_digits = 64;

@@ -65,6 +65,8 @@ Result<Session> session_from(const std::string& body);
 bool nobody_signs_in(const std::string& body);
 /// Who this client is signed in as; empty: nobody. Of GET operators.
 Result<std::string> signed_in_as(const std::string& body);
+/// The identity of who that is; empty: nobody's. Of GET operators.
+Result<std::string> identity_signed_in(const std::string& body);
 
 /// Where a station listens.
 struct StationAddress {

@@ -156,18 +156,25 @@ Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& 
   return arrived;
 }
 
-Result<std::vector<std::string>> stopped_drones(std::string_view body) {
-  return read_answer<std::vector<std::string>>(body, "drones", [](const json& answer) {
-    std::vector<std::string> stopped;
+Result<std::vector<std::string>> drones_for(std::string_view body, std::string_view verb, const std::string& self) {
+  return read_answer<std::vector<std::string>>(body, "drones", [&](const json& answer) {
+    std::vector<std::string> names;
     for (const json& drone : answer.at("drones")) {
-      if (!drone.at("stopped_by").empty()) stopped.push_back(drone.at("name").get<std::string>());
+      const auto holder = [&] { return drone.at("lease").at("holder"); };
+      const auto is_down = [&](const std::string& phase) { return phase == "on_ground" || phase == "landed"; };
+      const bool fits = verb == "clear_stop" ? !drone.at("stopped_by").empty()
+                        : verb == "acquire"  ? holder().is_null()
+                        : verb == "request"  ? !holder().is_null() && holder() != self
+                        : verb == "release"  ? holder() == self
+                                             : !is_down(text_at(drone, "link_phase"));
+      if (fits) names.push_back(drone.at("name").get<std::string>());
     }
-    return stopped;
+    return names;
   });
 }
 
 Result<bool> is_cleared(std::string_view body, const std::string& name) {
-  const auto stopped = stopped_drones(body);
+  const auto stopped = drones_for(body, "clear_stop", "");
   if (!stopped) return stopped.error();
   return std::ranges::find(*stopped, name) == stopped->end();
 }

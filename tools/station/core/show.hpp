@@ -30,8 +30,9 @@ bool has_an_end(std::string_view verb);
 Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& names, std::string_view verb);
 /// Whether nobody has this drone stopped. Of GET drones.
 Result<bool> is_cleared(std::string_view body, const std::string& name);
-/// The names of those whom somebody has stopped. Of GET drones.
-Result<std::vector<std::string>> stopped_drones(std::string_view body);
+/// Whom `verb` with --all is for: clear_stop those that are stopped, acquire those that nobody holds, request those
+/// that others hold, release those that `self` holds, land those that are not down. Of GET drones.
+Result<std::vector<std::string>> drones_for(std::string_view body, std::string_view verb, const std::string& self);
 /// Whether a mission has been flown to its end. An error: it was ended before, and why. Of GET missions/ID.
 Result<bool> is_flown(std::string_view body);
 

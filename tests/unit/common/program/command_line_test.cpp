@@ -67,6 +67,7 @@ TEST_F(ACommandLine, WhatFewNeedIsInHelpAllAloneAndKeepsItsNameInErrors) {
 
 TEST_F(ACommandLine, AWordThatIsNearlyRightIsAnsweredWithWhatWasMeant) {
   EXPECT_THAT(refusal({"--lapz", "3"}), HasSubstr("did you mean --laps?"));
+  EXPECT_THAT(refusal({"--lip"}), testing::Not(HasSubstr("did you mean"))) << "two letters of three differ";
   EXPECT_THAT(refusal({"--xyzzy"}), testing::Not(HasSubstr("did you mean")));
   EXPECT_EQ(nearest_word("stpo", {"start", "stop"}), "stop");
   EXPECT_EQ(nearest_word("x", {"go"}), "") << "nothing is near a single character";

@@ -154,6 +154,9 @@ TEST(ASession, IsTakenFromTheAnswerAlone) {
   EXPECT_EQ(*signed_in_as(R"({"operators":[],"you":"alice"})"), "alice");
   EXPECT_EQ(*signed_in_as(R"({"operators":[],"you":null})"), "");
   EXPECT_FALSE(signed_in_as("{}"));
+  EXPECT_EQ(*identity_signed_in(R"({"operators":[{"name":"alice","identity":"A CN=a"}],"you":"alice"})"), "A CN=a");
+  EXPECT_EQ(*identity_signed_in(R"({"operators":[],"you":null})"), "");
+  EXPECT_FALSE(identity_signed_in(R"({"operators":[],"you":"alice"})"));
 }
 
 TEST(StationAddress, WithoutTlsIsThisComputerAlone) {

@@ -75,10 +75,24 @@ TEST(AStop, IsClearedWhenNobodyHasTheDroneStopped) {
   json stopped = drone("tello2", "landed");
   stopped["stopped_by"] = {"Org1MSP CN=eve"};
   const std::string both = drones({drone("tello1", "manual"), stopped});
-  EXPECT_THAT(*stopped_drones(both), ElementsAre("tello2"));
+  EXPECT_THAT(*drones_for(both, "clear_stop", ""), ElementsAre("tello2"));
   EXPECT_TRUE(*is_cleared(both, "tello1"));
   EXPECT_FALSE(*is_cleared(both, "tello2"));
   EXPECT_FALSE(is_cleared("{}", "tello2").ok());
+}
+
+TEST(AllDrones, AreThoseForWhichAVerbMakesSense) {
+  json of_bob = drone("tello2", "manual"), free = drone("tello3", "waiting");
+  of_bob["lease"]["holder"] = "Org2MSP CN=bob";
+  free["lease"]["holder"] = nullptr;
+  free["link_phase"] = "on_ground";
+  const std::string all = drones({drone("tello1", "manual"), of_bob, free}), alice = "Org2MSP CN=alice";
+  EXPECT_THAT(*drones_for(all, "acquire", alice), ElementsAre("tello3"));
+  EXPECT_THAT(*drones_for(all, "request", alice), ElementsAre("tello2"));
+  EXPECT_THAT(*drones_for(all, "release", alice), ElementsAre("tello1"));
+  EXPECT_THAT(*drones_for(all, "land", alice), ElementsAre("tello1", "tello2"));
+  EXPECT_THAT(*drones_for(all, "clear_stop", alice), IsEmpty());
+  EXPECT_FALSE(drones_for("{}", "land", alice));
 }
 
 TEST(Waiting, EndsWhenTheMissionIsFlownAndFailsWhenItIsEndedBefore) {
