@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 namespace ledgerline::launcher {
 namespace {
@@ -15,6 +16,8 @@ using nlohmann::json;
 
 constexpr TimeNs terminal_period_ns = 200 * ns_per_ms;
 constexpr TimeNs log_period_ns = 5 * ns_per_s;
+constexpr TimeNs refusals_period_ns = 2 * ns_per_s;  // agent's lines come more often
+constexpr int reported_periods = 2;                  // a block that came late costs a command of one
 
 double number(const json& object, const char* key, double otherwise) {
   const auto found = object.find(key);
@@ -91,6 +94,11 @@ bool Live::on_status(const std::string& line) {
       }
       drone->link_phase = text(one, "phase", drone->link_phase);
       drone->mode = text(one, "mode", drone->mode);
+      if (const auto refused = one.find("refused_reasons"); refused != one.end() && refused->is_object()) {
+        for (const auto& [why, number] : refused->items()) {
+          if (number.is_number_unsigned()) drone->refused[why].count = number.get<std::uint64_t>();
+        }
+      }
       drone->state_age_ms = number(one, "state_age_ms", -1);
       drone->command_age_ms = number(one, "command_age_ms", -1);
       drone->two_way_ms = number(one, "two_way_ms", -1);
@@ -141,7 +149,22 @@ void Live::print(const std::string& what) {
   std::fprintf(stderr, "%s\n", what.c_str());
 }
 
+void Live::report_refusals(TimeNs now_ns) {
+  if (now_ns < next_refusals_ns_) return;
+  next_refusals_ns_ = now_ns + refusals_period_ns;
+  for (Drone& drone : drones_) {
+    for (auto& [why, refused] : drone.refused) {
+      const bool grew = refused.count > std::exchange(refused.count_before, refused.count);
+      if (refused.periods == reported_periods) continue;
+      refused.periods = grew ? refused.periods + 1 : 0;
+      if (refused.periods == reported_periods)
+        print(fmt::format("{}: agent refuses its commands: {} (docs/troubleshooting.md)", drone.name, why));
+    }
+  }
+}
+
 void Live::show(TimeNs now_ns) {
+  report_refusals(now_ns);
   if (now_ns < next_ns_) return;
   next_ns_ = now_ns + (terminal_ ? terminal_period_ns : log_period_ns);
   clear();

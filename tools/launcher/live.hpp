@@ -1,6 +1,8 @@
 #pragma once
 #include <array>
+#include <cstdint>
 #include <cstdio>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,7 +23,7 @@ class Live {
 
   /// A status line of agent or ground; others are ignored. False when it is no JSON object.
   bool on_status(const std::string& line);
-  /// Prints if it is time to.
+  /// Prints if it is time to; also, once a drone and reason, that agent goes on refusing its commands.
   void show(TimeNs now_ns);
   /// Text of its own, above the live lines.
   void print(const std::string& text);
@@ -38,15 +40,21 @@ class Live {
     double progress = 0;
     std::optional<std::array<double, 3>> position_m{};  ///< none: no pose
     std::optional<double> height_m{};                   ///< its own, above take-off
+    struct Refused {
+      std::uint64_t count = 0, count_before = 0;  ///< now, and when it was looked at last
+      int periods = 0;                            ///< in a row in which it grew
+    };
+    std::map<std::string, Refused> refused{};  ///< by reason, as agent says
     double state_age_ms = -1, command_age_ms = -1, two_way_ms = -1;
   };
   void clear();
+  void report_refusals(TimeNs now_ns);
 
   std::vector<Drone> drones_;
   std::uint64_t height_ = 0;
   bool terminal_;
   TimeNs start_ns_;
-  TimeNs next_ns_ = 0;
+  TimeNs next_ns_ = 0, next_refusals_ns_ = 0;
   std::size_t shown_ = 0;
 };
 

@@ -29,12 +29,19 @@ json to_json(const TransitionSender::Counters& c) {
           {"lost", c.lost}};
 }
 
-json to_json(const CommandCheck::Counters& c) {
+json refused_reasons(const CommandCheck::Counters& c) {
   json reasons = json::object();
   for (std::size_t i = 0; i < refusal_count; ++i) {
     if (c.reasons[i] > 0) reasons[std::string(refusal_name(static_cast<RefusalReason>(i)))] = c.reasons[i];
   }
-  return {{"on_ledger", c.on_ledger}, {"refused", c.refused}, {"refused_reasons", reasons}, {"verified", c.verified}};
+  return reasons;
+}
+
+json to_json(const CommandCheck::Counters& c) {
+  return {{"on_ledger", c.on_ledger},
+          {"refused", c.refused},
+          {"refused_reasons", refused_reasons(c)},
+          {"verified", c.verified}};
 }
 
 json to_json(const Fusion::Counters& c) {
@@ -135,9 +142,15 @@ std::string status_line(const AgentCore& core, const std::string& channel, TimeN
     const DroneReport report = core.report(drone.number);
     const StateSample state = report.newest.value_or(StateSample{});
     const json position = state.pose_stamp_ns != 0 ? json(state.position_m) : json();
-    json line = {{"name", drone.name},         {"phase", name(state.phase)}, {"mode", name(state.mode)},
-                 {"position", position},       {"state_age_ms", nullptr},    {"command_age_ms", nullptr},
-                 {"height_m", state.height_m}, {"two_way_ms", nullptr}};
+    json line = {{"name", drone.name},
+                 {"phase", name(state.phase)},
+                 {"mode", name(state.mode)},
+                 {"position", position},
+                 {"state_age_ms", nullptr},
+                 {"command_age_ms", nullptr},
+                 {"height_m", state.height_m},
+                 {"two_way_ms", nullptr},
+                 {"refused_reasons", refused_reasons(report.commands)}};
     if (report.newest) line["state_age_ms"] = to_ms(now - state.stamp_ns);
     if (report.last_command_verified_ns > 0) {
       line["command_age_ms"] = to_ms(now - report.last_command_verified_ns);

@@ -63,6 +63,23 @@ TEST(Live, AWordOfItsOwnBeginsWhereTheLinesBegan) {
   EXPECT_THAT(testing::internal::GetCapturedStderr(), testing::EndsWith("\n\r\033[1A\033[JLanding\n"));
 }
 
+TEST(Live, AReasonForWhichCommandsAreRefusedAgainAndAgainIsSaidOnce) {
+  Live live({"tello1"}, false, 0);
+  const auto printed = [&](TimeNs now, int too_old, int replayed) {
+    live.on_status(R"({"agent":{"drones":[{"name":"tello1","refused_reasons":{"too_old":)" + std::to_string(too_old) +
+                   R"(,"replayed":)" + std::to_string(replayed) + "}}]}}");
+    testing::internal::CaptureStderr();
+    live.show(now * ns_per_s);
+    return testing::internal::GetCapturedStderr();
+  };
+  const auto silent = testing::Not(HasSubstr("refuses"));
+  EXPECT_THAT(printed(1, 3, 1), silent);
+  EXPECT_THAT(printed(2, 9, 1), silent) << "too soon";
+  EXPECT_THAT(printed(3, 9, 1), testing::AllOf(HasSubstr("tello1: agent refuses its commands: too_old (docs/"),
+                                               testing::Not(HasSubstr("replayed"))));
+  EXPECT_THAT(printed(5, 20, 1), silent) << "once";
+}
+
 TEST(Live, LinesFitTheTerminal) {
   const std::vector<std::string> all{"tello1 flies", "tello2 flies", "tello3 flies", "tello4 flies"};
   EXPECT_EQ(fitted(all, 80, 24), all);
