@@ -7,7 +7,10 @@ const FLOWN = ['taking_off', 'to_start', 'flying'];
 
 export const isFlown = (mission) => FLOWN.includes(mission.phase);
 export const isOver = (mission) => mission.phase === 'done' || mission.phase === 'aborted';
-export const phaseWords = (mission) => (mission.paused ? 'Paused' : PHASES[mission.phase] ?? mission.phase);
+export function phaseWords(mission) {
+  if (mission.phase === 'checked' && isForbidden(mission)) return 'May not start';
+  return mission.paused ? 'Paused' : PHASES[mission.phase] ?? mission.phase;
+}
 
 export function approvalWords({ approvals, approvals_needed }, who) {
   return `${approvals.length} of ${approvals_needed} approved${approvals.length ? `: ${approvals.map((each) => nameOf(each, who)).join(', ')}` : ''}`;
@@ -29,6 +32,7 @@ export const ACTIONS = {
   approve: ['Approve', (mission, who) => {
     if (isFlown(mission) || isOver(mission)) return 'it is flown already';
     if (who.identity && mission.approvals.includes(who.identity)) return 'you have approved it';
+    if (mission.phase === 'checked' && isForbidden(mission)) return 'its check forbids the start: repair what is found, remove it and add it again';
     return enough(mission) ? 'it has its approvals' : null;
   }],
   withdraw: ['Withdraw', (mission, who) => {

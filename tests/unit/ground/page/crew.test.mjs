@@ -88,6 +88,10 @@ test('a finding forbids the start or warns, by sign and word', () => {
   assert.deepEqual(words.findingWords(fence), ['▲ Warning', 'no fence']);
   assert.ok(words.isForbidden(mission({ findings: [fence, near] })));
   assert.ok(!words.isForbidden(mission({ findings: [fence] })));
+  assert.equal(words.phaseWords(mission({ findings: [near] })), 'May not start');
+  assert.equal(words.phaseWords(mission({ findings: [fence] })), 'Checked');
+  assert.match(words.whyNot('approve', mission({ findings: [near] }), of_alice), /forbids the start.*add it again/);
+  assert.equal(words.whyNot('approve', mission({ findings: [fence] }), of_alice), null);
   const approved = mission({ approvals: [alice, bob], phase: 'approved', findings: [near] });
   assert.equal(words.whyNot('start', approved, of_alice), null, 'the drones may stand elsewhere by now: it is checked again');
 });
