@@ -1,7 +1,7 @@
 // The missions: their list, files that are loaded, and the paths that were drawn and kept to be flown as one.
 import { put } from '../drones.js';
 import { Entry } from './entry.js';
-import { isFlown, isOver, MAX_FILE_BYTES, missionOf, nameOfFile, phaseWords } from './words.js';
+import { isFlown, isOver, MAX_FILE_BYTES, missionOf, nameOfFile, phaseWords, typeOf } from './words.js';
 
 const at = (id) => document.getElementById(id);
 
@@ -134,10 +134,11 @@ export class Missions {
   async #load(file) {
     if (!file) return;
     if (file.size > MAX_FILE_BYTES) return this.#say(`${file.name} is not loaded: it has more than 4 MB.`);
-    const csv = /\.csv$/i.test(file.name) || file.type === 'text/csv';
+    const type = typeOf(file);
+    if (!type) return this.#say(`${file.name} is neither .json nor .csv.`);
     this.#say(`${file.name}: sent`);
     const text = await file.text();
-    return this.#send(file.name, csv ? `missions?name=${nameOfFile(file.name)}` : 'missions', { text, type: csv ? 'text/csv' : 'application/json' });
+    return this.#send(file.name, type === 'text/csv' ? `missions?name=${nameOfFile(file.name)}` : 'missions', { text, type });
   }
 
   async #make() {

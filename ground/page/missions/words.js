@@ -57,6 +57,12 @@ export function whyNot(what, mission, who) {
   return ACTIONS[what][1](mission, who);
 }
 
+/// The content type of a file of a mission; null: it is none.
+export function typeOf({ name, type }) {
+  if (/\.csv$/i.test(name) || type === 'text/csv') return 'text/csv';
+  return /\.json$/i.test(name) || type === 'application/json' ? 'application/json' : null;
+}
+
 /// A mission's name from a file's: "Survey 2.csv": "Survey_2".
 export const nameOfFile = (file) => file.replace(/\.[^.]*$/, '').replace(/[^A-Za-z0-9_-]+/g, '_').slice(0, 64) || 'mission';
 

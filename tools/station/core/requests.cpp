@@ -95,11 +95,11 @@ std::optional<json> kept_mission(const std::string& text) {
 
 Status check_file(const std::string& file, const std::string& text, const std::string& name) {
   if (text.size() > ground::mission::max_mission_bytes)
-    return Error{fmt::format("{}: has {} bytes; {} may be", file, text.size(), ground::mission::max_mission_bytes)};
+    return Error{fmt::format("{} has {} bytes; {} may be", file, text.size(), ground::mission::max_mission_bytes)};
   if (file.ends_with(".json") && !name.empty())
     return Error{file + ": JSON says the mission's name; --name is for CSV"};
   if (!file.ends_with(".json") && !file.ends_with(".csv"))
-    return Error{file + ": is neither .json nor .csv (docs/station.md)"};
+    return Error{file + " is neither .json nor .csv (docs/station.md)"};
   return done;
 }
 

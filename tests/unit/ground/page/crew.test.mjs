@@ -116,6 +116,9 @@ test('kept paths become one mission, and a file gives it its name', () => {
   assert.deepEqual(words.missionOf('both', kept, null), { name: 'both', drones: kept });
   assert.deepEqual(words.missionOf('both', kept, { tello1: [0.004, 0, 0], tello2: [0, 2.126, 1] }).drones.map((each) => each.start), [{ x: 0, y: 0 }, { x: 0, y: 2.13 }]);
   assert.equal(words.nameOfFile('Survey 2.north.csv'), 'Survey_2_north');
+  assert.equal(words.typeOf({ name: 'a.CSV', type: '' }), 'text/csv');
+  assert.equal(words.typeOf({ name: 'a.json', type: '' }), 'application/json');
+  assert.equal(words.typeOf({ name: 'notes.txt', type: 'text/plain' }), null);
   assert.equal(words.nameOfFile('ü.csv'), '_');
   assert.equal(words.nameOfFile('.csv'), 'mission');
 });

@@ -102,7 +102,7 @@ TEST(AMissionToAdd, IsJsonOrCsvByItsName) {
   EXPECT_EQ(mission_to_add("two.csv", one_waypoint, "survey-2")->target, "missions?name=survey-2");
   EXPECT_EQ(mission_to_add("two.json", "{}", "")->content_type, "application/json");
   EXPECT_THAT(mission_to_add("two.json", "{}", "other").error().message, HasSubstr("--name is for CSV"));
-  EXPECT_THAT(mission_to_add("two.txt", "", "").error().message, HasSubstr("neither"));
+  EXPECT_THAT(mission_to_add("two.txt", "", "").error().message, HasSubstr("two.txt is neither"));
   EXPECT_THAT(mission_to_add("a b&c.csv", "", "").error().message, HasSubstr("no mission's name"));
   EXPECT_THAT(mission_to_add("two.csv", std::string(4'194'305, '1'), "").error().message, HasSubstr("4194304 may be"));
 }
