@@ -87,6 +87,18 @@ std::string suggestion(CLI::App& app, const std::vector<std::string>& arguments)
   return "";
 }
 
+/// "there is no "nofile": run, list" of a first word that is no verb where one is meant, or is missing; empty: it is
+/// not that.
+std::string verb_problem(CLI::App& app) {
+  if (verbs_of(app).empty() || !app.get_subcommands().empty()) return "";
+  const std::vector<std::string> left = app.remaining();
+  if (left.empty() && app.get_require_subcommand_min() == 0) return "";
+  if (!left.empty() && left.front().starts_with("-")) return "";
+  std::string text = left.empty() ? "say what to do:" : "there is no \"" + printable(left.front()) + "\":";
+  for (const CLI::App* verb : verbs_of(app)) text += (text.ends_with(':') ? " " : ", ") + verb->get_name();
+  return text;
+}
+
 }  // namespace
 
 std::string utf8_path_problem(const std::string& path) {
@@ -231,10 +243,17 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
     if (code != 0) text << suggestion(*app_, arguments);
     return EarlyEnd{code == 0 ? 0 : exit_usage, text.str()};
   };
+  const auto end_without_verb = [&](const std::string& problem) {
+    return end_with(CLI::ParseError(problem, CLI::ExitCodes::RequiredError));
+  };
   try {
     app_->parse(words);
     return std::nullopt;
+  } catch (const CLI::RequiredError& end) {
+    const std::string problem = verb_problem(*app_);
+    return problem.empty() ? end_with(end) : end_without_verb(problem);
   } catch (const CLI::ExtrasError&) {
+    if (const std::string problem = verb_problem(*app_); !problem.empty()) return end_without_verb(problem);
     std::vector<std::string> unexpected = app_->remaining(true);
     std::ranges::reverse(unexpected);  // CLI11 lists the last one first
     return end_with(CLI::ExtrasError(unexpected));

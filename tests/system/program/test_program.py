@@ -63,6 +63,9 @@ def test_help_of_a_verb_is_the_verbs_help():
 def test_what_is_like_nothing_gets_no_suggestion():
     refused = run("ledgerline", "xyzzy")
     assert refused.returncode == 2 and "did you mean" not in refused.stderr and "ledgerline --help" in refused.stderr
+    for verb in ("fault", "tello"):
+        refused = run("ledgerline", verb, "nofile")
+        assert refused.returncode == 2 and 'there is no "nofile": ' in refused.stderr and "ubcommand" not in refused.stderr
 
 
 @pytest.mark.parametrize("program", PROGRAMS)

@@ -133,7 +133,11 @@ TEST(AProgramWithVerbs, TakesOneOfThem) {
   EXPECT_TRUE(take.is_given() && !give.is_given());
   EXPECT_EQ(take.name(), "take");
   EXPECT_EQ(line.read({})->exit_code, exit_usage);
+  EXPECT_THAT(line.read({})->text, HasSubstr("say what to do: take, give\n"));
+  EXPECT_THAT(line.read({"tack", "--file", "a"})->text,
+              testing::AllOf(HasSubstr("there is no \"tack\": take, give\n"), HasSubstr("did you mean take?")));
   EXPECT_EQ(line.read({"take"})->exit_code, exit_usage);
+  EXPECT_THAT(line.read({"take"})->text, testing::Not(HasSubstr("there is no")));
   EXPECT_EQ(line.read({"--version"})->exit_code, 0);
 }
 
@@ -199,7 +203,8 @@ TEST(ACommandLineWithVerbs, MayDoWithoutOne) {
   EXPECT_FALSE(stop.is_given());
   EXPECT_FALSE(line.read({"stop", "tello1", "--json"}));
   EXPECT_TRUE(stop.is_given() && json);
-  EXPECT_TRUE(line.read({"land"}));
+  EXPECT_THAT(line.read({"land"})->text, HasSubstr("there is no \"land\": stop\n"));
+  EXPECT_THAT(line.read({"--wings"})->text, HasSubstr("not expected: --wings"));
 }
 
 TEST(AProgram, RefusesAPathThatConfigsCannotHoldByTheNameOfItsOption) {
