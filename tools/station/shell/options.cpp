@@ -113,6 +113,7 @@ Result<Target> target_of(const Options& options, const Environment& environment)
   // Who reads the config is on the station's computer, and its file is as good as an authority.
   if (target.tls.authority.empty() && url.empty()) target.tls.authority = service.tls.certificate;
   if (target.tls.authority.empty()) target.tls.authority = environment(ca_variable);
+  target.token_named = !options.token_file.empty();
   const bool is_session_named = !options.session_file.empty();
   target.session_expected = is_session_named && !options.signs_in;
   target.session_file = is_session_named ? options.session_file : usual_session_file(target.address, environment);
@@ -123,7 +124,7 @@ Result<Target> target_of(const Options& options) { return target_of(options, env
 
 Result<std::unique_ptr<Station>> open(const Target& target) {
   auto token = read_secret(target.token_file);
-  if (!token) return Error{token.error().message + target.hint};
+  if (!token) return Error{token.error().message + (target.token_named ? "" : target.hint)};
   if (token->empty()) return Error{target.token_file + " is empty: remove it, and ground makes a new one"};
   if (!is_token(*token)) return Error{target.token_file + " must hold 64 hex digits, as ground made it"};
   return Station::open(target.address, {.token = std::move(*token),

@@ -61,6 +61,7 @@ struct Target {
   StationAddress address;
   std::string token_file, session_file;  ///< no session file: nobody signs in
   bool session_expected = false;         ///< an option names its file, and it is not about to be made
+  bool token_named = false;              ///< by an option, not by a config or by default
   web::TlsFiles tls{};
   std::string hint{};  ///< of a station that nobody has named: what names it
 };

@@ -13,6 +13,7 @@ namespace ledgerline::station {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 class AStationsOptions : public testing::Test {
  protected:
@@ -74,6 +75,9 @@ TEST_F(AStationsOptions, FindTheFlightOfThisUserWhereNothingNamesAStation) {
   EXPECT_EQ(target()->address.at.port, 4);
   EXPECT_EQ(target()->token_file, "flight.token");
   EXPECT_THAT(open(*target()).error().message, HasSubstr(link + " names it")) << "its run's folder was removed";
+  options.token_file = "other.token";
+  EXPECT_THAT(open(*target()).error().message, testing::AllOf(HasSubstr("other.token"), Not(HasSubstr(link))));
+  options.token_file.clear();
   environment["LEDGERLINE_STATION"] = "http://127.0.0.1:5";
   environment["LEDGERLINE_TOKEN_FILE"] = "env.token";
   EXPECT_EQ(target()->address.at.port, 5);
