@@ -29,6 +29,17 @@ class OrderedHelp : public CLI::Formatter {
     if (const auto at = name.find(value); at != std::string::npos) name.erase(at, value.size());
     return name;
   }
+  /// One that may also stand without its name is required once, not twice.
+  std::string make_option(const CLI::Option* option, bool is_positional) const override {
+    std::string text = Formatter::make_option(option, is_positional);
+    const std::string required = " REQUIRED";
+    const auto at = text.find(required);
+    if (is_positional || !option->get_positional() || at == std::string::npos) return text;
+    const std::string other = " or " + option->get_name(true);
+    const std::size_t blanks = std::min(text.find_first_not_of(' ', at + required.size()), text.size());
+    const std::size_t room = blanks - at - 1;  // one blank stays before the description
+    return text.replace(at, std::min(other.size(), std::max(room, required.size())), other);
+  }
   std::string make_option_opts(const CLI::Option* option) const override {
     std::string text;
     if (option->get_type_size() != 0) {

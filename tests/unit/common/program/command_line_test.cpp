@@ -105,6 +105,16 @@ TEST_F(ACommandLine, WhatCannotBeIsRefusedByTheOptionsName) {
   EXPECT_THAT(refusal({"--wings", "2"}), HasSubstr("--wings"));
 }
 
+TEST(AnOption, ThatAlsoStandsWithoutItsNameIsRequiredOnceInHelp) {
+  std::string file;
+  CommandLine line("local", "", "");
+  line.option(config_argument, file, "TOML file").required();
+  const std::string help = line.read({"--help"})->text;
+  EXPECT_THAT(help, HasSubstr("CONFIG TEXT REQUIRED"));
+  EXPECT_THAT(help, testing::ContainsRegex("--config TEXT or CONFIG +TOML file"));
+  EXPECT_THAT(help, testing::Not(HasSubstr("--config TEXT REQUIRED")));
+}
+
 TEST_F(ACommandLine, UnexpectedWordsAreListedAsTheyWereTyped) {
   EXPECT_THAT(refusal({"--wings", "--wheels"}), HasSubstr("not expected: --wings --wheels\n"));
   line.verb("take", "Takes");
