@@ -1,10 +1,12 @@
 #include "ground/shell/path_file.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <filesystem>
 
 #include "common/base/file.hpp"
+#include "common/base/nearest_word.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -27,7 +29,7 @@ Result<std::vector<Waypoint>> read_waypoints(const std::string& file) {
   return motion::waypoints_from_csv(*text, file);
 }
 
-Result<PathChoice> path_choice_from(const std::string& shape_or_file) {
+Result<PathChoice> path_choice_from(const std::string& shape_or_file, const std::vector<std::string>& others) {
   if (const auto shape = shape_from_name(shape_or_file)) return PathChoice{*shape, {}};
   std::error_code error;
   if (const auto text = read_text(shape_or_file)) {
@@ -39,7 +41,11 @@ Result<PathChoice> path_choice_from(const std::string& shape_or_file) {
   } else if (std::filesystem::exists(shape_or_file, error)) {
     return text.error();
   }
-  return Error{fmt::format("\"{}\" is neither square, triangle, x nor eight, nor a file of waypoints", shape_or_file)};
+  std::vector<std::string> known = motion::shape_names();
+  known.insert(known.end(), others.begin(), others.end());
+  const std::string near = nearest_word(shape_or_file, known);
+  return Error{fmt::format("\"{}\" is none of {}, nor a file of waypoints{}", shape_or_file, fmt::join(known, ", "),
+                           near.empty() ? "" : ": did you mean " + near + "?")};
 }
 
 }  // namespace ledgerline::ground

@@ -17,7 +17,7 @@ struct PathChoice {
 Result<std::vector<Waypoint>> read_waypoints(const std::string& file);
 
 /// A shape's name, or else the name of a CSV file of waypoints (motion::waypoints_from_csv). The error says which
-/// shapes there are, or names the file and what is wrong in it.
-Result<PathChoice> path_choice_from(const std::string& shape_or_file);
+/// shapes there are, and `others` that the caller knows beside them, or names the file and what is wrong in it.
+Result<PathChoice> path_choice_from(const std::string& shape_or_file, const std::vector<std::string>& others = {});
 
 }  // namespace ledgerline::ground

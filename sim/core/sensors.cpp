@@ -143,11 +143,10 @@ std::vector<std::string_view> parts(std::string_view text, char between) {
 }
 
 Result<Pad> parse_pad(std::string_view text) {
-  const Error wrong{
-      fmt::format("\"{}\" is no mission pad: ID:X:Y, ID:X:Y:YAW or ID:X:Y:YAW:SIZE, ID 1 to {}, X and Y up to {:g} m, "
-                  "YAW in degrees, "
-                  "SIZE up to {:g} m",
-                  text, max_pad_id, max_pad_m, max_pad_size_m)};
+  const Error wrong{fmt::format(
+      "\"{}\" is no mission pad: ID:X:Y[:DEGREES[:SIZE]], ID 1 to {}, X and Y up to {:g} m, DEGREES up to 360, "
+      "SIZE up to {:g} m",
+      text, max_pad_id, max_pad_m, max_pad_size_m)};
   std::vector<double> values;
   for (const std::string_view part : parts(text, ':')) {
     const auto value = number(part);

@@ -250,8 +250,7 @@ void SimOptions::add_to(Arguments& arguments) {
       .option("--yaw", yaw_deg_, "where the drones look when they are switched on, degrees counter-clockwise from x")
       .within(-360.0, 360.0)
       .shows_default();
-  arguments.option("--pads", pads_,
-                   "mission pads on the floor: ID:X:Y, ID:X:Y:YAW or ID:X:Y:YAW:SIZE (m, degrees), with commas");
+  arguments.option("--pads", pads_, "mission pads on the floor: ID:X:Y[:DEGREES[:SIZE]] (SIZE in m), with commas");
   arguments.option("--light", light_percent_, "percent; below 20 the drones' own velocity is lost")
       .within(0.0, 100.0)
       .shows_default();

@@ -140,6 +140,10 @@ int ledgerline::command::fly(int argc, char** argv) {
   }
   const Status room = check_space(ledger, launcher::min_ledger_bytes(asked.options), "the ledger of a flight");
   if (!room) return failed(room.error().message);
+  if (!asked.options.json.empty()) {  // before the flight, not after it
+    if (const Status written = write_file(asked.options.json, ""); !written)
+      return failed("--json: " + written.error().message);
+  }
   catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);
   return fly_and_report(asked.options, files);

@@ -76,7 +76,7 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
       .shows_default();
   line.option("--pads", words.pads,
               "Mission pads on the simulated floor, and drones that fly by onboard odometry and these:\n"
-              "ID:X:Y[:DEGREES], in m and counter-clockwise from x, with commas between")
+              "ID:X:Y[:DEGREES[:SIZE]], in m and counter-clockwise from x, with commas between")
       .checked_by("PADS",
                   [](const std::string& text) {
                     const auto pads = sim::parse_pads(text);
@@ -338,7 +338,7 @@ Status apply_tasks(const Words& words, Options& o) {
 /// Reads what the path is, its file too.
 Status apply_path(const Words& words, Options& o) {
   if (o.manual) return done;
-  auto course = ground::path_choice_from(words.shape);
+  auto course = ground::path_choice_from(words.shape, {"manual"});
   if (!course) return Error{"--shape: " + course.error().message};
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);

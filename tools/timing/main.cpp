@@ -175,12 +175,12 @@ constexpr const char* about =
     "Lays a flight's time open: every sample's way from stage to stage, how late link's loop was, and who used the "
     "CPU.";
 constexpr const char* notes = R"(Examples:
-  timing build/runs/20261122-013000 --html timing.html --perfetto timing.json
-  timing /tmp/run --limit p99.9.late=200us --limit p99.setpoint_at_once=2.5ms --limit cpu.agent+link=15%
-  timing /tmp/run --limit overruns=0 --limit headroom=50%
-  timing /tmp/run --live
-  timing --self-test --seconds 60
-  timing --transports --drones 16 --pairs 5
+  ledgerline timing build/runs/20261122-013000 --html timing.html --perfetto timing.json
+  ledgerline timing /tmp/run --limit p99.9.late=200us --limit p99.setpoint_at_once=2.5ms --limit cpu.agent+link=15%
+  ledgerline timing /tmp/run --limit overruns=0 --limit headroom=50%
+  ledgerline timing /tmp/run --live
+  ledgerline timing --self-test --seconds 60
+  ledgerline timing --transports --drones 16 --pairs 5
 Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is not good enough for link;
 2 bad usage, or a limit on something that does not exist; 3 nothing to read, or a file not written)";
 

@@ -122,6 +122,12 @@ def test_a_drone_that_two_operators_fight_over_does_not_touch_its_neighbours(tmp
     assert_nothing_left()
 
 
+def test_figures_that_cannot_be_written_are_said_before_anything_flies(tmp_path):
+    refused = subprocess.run([BIN / "ledgerline", "fly", "--out", tmp_path / "run", "--json", "/proc/no/x.json"], capture_output=True, text=True, timeout=60)
+    assert refused.returncode == 1 and "--json: cannot write /proc/no/x.json" in refused.stderr, refused.stderr
+    assert not (tmp_path / "run" / "link.toml").exists()
+
+
 def test_ctrl_c_lands_the_drone_and_ends_every_process(tmp_path):
     flight = fly(tmp_path, "--laps", "50")
     wait_for_flight(tmp_path, flight)

@@ -56,6 +56,7 @@ def test_fly_says_what_it_can_where_nothing_is_built(tmp_path):
 
 
 def test_help_of_a_verb_is_the_verbs_help():
+    assert "\n  ledgerline timing" in run("ledgerline", "help", "timing").stdout
     for verb in ("fly", "control stop", "agent"):
         assert run("ledgerline", *f"help {verb}".split()).stdout == run("ledgerline", *f"{verb} --help".split()).stdout != ""
 

@@ -52,7 +52,7 @@ TEST(Course, AFileOfWaypointsLiesBesideTheScript) {
 
 TEST(Course, WhatIsWrongIsReportedByLineAndKey) {
   const std::pair<std::string, const char*> cases[] = {
-      {"[flight]\nshape = \"circle\"\n", "x.toml:3: flight.shape: \"circle\" is neither square"},
+      {"[flight]\nshape = \"circle\"\n", "x.toml:3: flight.shape: \"circle\" is none of square"},
       {"[flight]\nwaypoints = [\"0,0\", \"1,0\"]\n", "x.toml:3: flight.waypoints: must be rows"},
       {"[flight]\nwaypoints = [\"0,0\", \"1,0\", \"1,up\"]\n", "row:3: y \"up\" is no number"},
       {"[flight]\nshape = \"x\"\nwaypoints = [\"0,0\", \"1,0\", \"1,1\"]\n", "must not be there beside a shape"},

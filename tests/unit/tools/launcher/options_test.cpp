@@ -230,7 +230,9 @@ TEST(FlyOptions, ADroneMayFlyATaskOfItsOwn) {
   EXPECT_DOUBLE_EQ(path_of(line.options, 2, {0, 0}).length_m(), 6);
   expect_refused({"--task", "tello2 laps=1"}, "names none of the 1 drones");
   expect_refused({"--task", "tello1 laps=0"}, "\"laps=0\" is none of shape=SHAPE_OR_FILE");
-  expect_refused({"--task", "tello1 shape=circle"}, "neither square, triangle, x nor eight");
+  expect_refused({"--task", "tello1 shape=circle"}, "none of square, triangle, x, eight, nor a file");
+  expect_refused({"--shape", "sqare"}, "none of square, triangle, x, eight, manual, nor a file of waypoints: did you");
+  expect_refused({"--shape", "manul"}, "did you mean manual?");
   const std::string far = testing::TempDir() + "/task_far.csv";
   ASSERT_TRUE(write_file(far, "0,0\n30,0\n30,1\n"));
   expect_refused({"--task", "tello1 shape=" + far}, far + ":2: tello1 would be at 30, 0, 1 m, beyond link's fence");
