@@ -63,7 +63,7 @@ Status each(const std::vector<std::string>& names, const std::function<Status(co
     const Status acted = act(name);
     if (acted) continue;
     ++failed;
-    spdlog::error("{}: {}", name, acted.error().message);
+    spdlog::error("{}", of_drone(name, acted.error().message));
   }
   if (failed == 0) return done;
   return Error{fmt::format("{} of {} drones: not done", failed, names.size())};

@@ -100,6 +100,14 @@ std::string finding_line(const json& finding) {
 
 }  // namespace
 
+std::string of_drone(const std::string& name, std::string text) {
+  const std::string prefix = name + ": ";
+  while (text.starts_with(prefix)) text.erase(0, prefix.size());
+  for (auto at = text.find(": " + prefix); at != std::string::npos; at = text.find(": " + prefix, at))
+    text.erase(at + 2, prefix.size());
+  return prefix + text;
+}
+
 std::string aligned(const Rows& rows) {
   std::vector<std::size_t> widths;
   for (const auto& row : rows) {

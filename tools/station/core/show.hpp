@@ -14,6 +14,9 @@ namespace ledgerline::station {
 
 using Rows = std::vector<std::vector<std::string>>;  ///< the first one is the heading
 
+/// "tello2: " and the text, which may name that drone itself, at its beginning or behind a colon: it is named once.
+std::string of_drone(const std::string& name, std::string text);
+
 /// Columns as wide as what is in them, two blanks apart.
 std::string aligned(const Rows& rows);
 

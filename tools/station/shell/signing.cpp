@@ -95,7 +95,7 @@ Status call_and_wait(Station& station, const std::string& drone, const std::stri
     for (const ShownEvent& event : *events) {
       number = event.number;
       if (event.drone != drone || !event.text.starts_with(said)) continue;
-      return event.text == said ? Status(done) : Status(Error{fmt::format("{}: {}", drone, event.text)});
+      return event.text == said ? Status(done) : Status(Error{of_drone(drone, event.text)});
     }
   }
   return Error{fmt::format("{}: {}: nothing came of it within 30 s", drone, said)};
@@ -132,8 +132,7 @@ Status wait_or_hear(Station& station, const std::vector<std::string>& names, con
     for (const ShownEvent& event : *events) {
       number = event.number;
       const bool is_asked = names.empty() || std::ranges::find(names, event.drone) != names.end();
-      if (is_asked && event.text.find(refusal) != std::string::npos)
-        return Error{fmt::format("{}: {}", event.drone, event.text)};
+      if (is_asked && event.text.find(refusal) != std::string::npos) return Error{of_drone(event.drone, event.text)};
     }
     return is_there(drones);
   });

@@ -49,6 +49,14 @@ TEST(ATable, HasColumnsAsWideAsWhatIsInThem) {
   EXPECT_EQ(aligned({{"a", "b", "c"}, {"long", "µ", "x"}, {"m", "yy", ""}}), "a     b   c\nlong  µ   x\nm     yy  \n");
 }
 
+TEST(ARefusal, NamesItsDroneOnce) {
+  EXPECT_EQ(of_drone("tello2", "tello2: bob: take control: refused: tello2: held by alice"),
+            "tello2: bob: take control: refused: held by alice");
+  EXPECT_EQ(of_drone("tello2", "acquire: tello2: tello2: held"), "tello2: acquire: held");
+  EXPECT_EQ(of_drone("tello1", "no take-off: tello12: and tello1 is stopped"),
+            "tello1: no take-off: tello12: and tello1 is stopped");
+}
+
 TEST(AMission, IsFoundByItsDigest) {
   const auto found = mission_with(missions({mission_json("checked")}), "77");
   ASSERT_TRUE(found);
