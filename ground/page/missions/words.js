@@ -41,7 +41,7 @@ export const ACTIONS = {
   }],
   start: ['Start', (mission) => {
     if (isFlown(mission)) return 'it is flown already';
-    if (isOver(mission)) return 'it is over';
+    if (isOver(mission)) return 'it has been flown: remove it, then add it again';
     return enough(mission) ? null : 'it lacks approvals';
   }],
   pause: ['Pause', (mission) => (isFlown(mission) ? null : 'it is not flown')],

@@ -108,6 +108,7 @@ test('what is flown can be paused and landed, and not removed', () => {
     assert.notEqual(words.whyNot('land', mission({ phase }), of_alice), null);
     assert.equal(words.whyNot('remove', mission({ phase }), of_alice), null);
   }
+  assert.match(words.whyNot('start', mission({ phase: 'done' }), of_alice), /remove it, then add it again/);
   assert.equal(words.phaseWords(mission({ phase: 'to_start', paused: true })), 'Paused');
 });
 
