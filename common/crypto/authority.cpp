@@ -155,14 +155,6 @@ Status check_issued_by(const std::string& ca_pem, const std::string& certificate
   return Error{"the certificate is of another authority"};
 }
 
-Status check_issued_by_any(const std::string& authorities_pem, const std::string& certificate_pem) {
-  const auto certificate = parse_certificate(certificate_pem);
-  if (!certificate) return certificate.error();
-  for (const std::string& authority : certificates_in(authorities_pem))
-    if (check_issued_by(authority, certificate_pem)) return done;
-  return Error{"it was issued by " + certificate->issuer + ", which is none of its authorities"};
-}
-
 Result<std::string> make_document_authority(const KeyAndCertificate& ca) {
   auto certificate = read_certificate(ca.certificate_pem);
   if (!certificate) return certificate.error();

@@ -257,8 +257,6 @@ Result<std::string> own_first(const std::string& key_pem, const std::string& cer
 
 /// An error: the certificate is not signed by this authority's own key.
 Status check_issued_by(const std::string& ca_pem, const std::string& certificate_pem);
-/// An error, which says whose authority issued it: it is signed by none of these.
-Status check_issued_by_any(const std::string& authorities_pem, const std::string& certificate_pem);
 
 /// The CA's own certificate recreated, with the same name and key, that may sign documents: Fabric's CAs are for TLS
 /// and certificates alone. What the CA has issued is of this one, too.

@@ -210,21 +210,27 @@ Result<ChannelConfig> channel_of(const ClientConfig& config) {
 
 Status check_certificate_of(const std::string& msp_id, const std::string& certificate_pem, const ClientConfig& config,
                             const std::vector<crypto::MspRoot>& msps) {
-  std::string authorities = authorities_of(msp_id, msps);
+  crypto::MspRoot known{msp_id, authorities_of(msp_id, msps)};
   if (msp_id == config.identity_place.msp_id && !config.identity_place.msp_dir.empty()) {
     const auto own = crypto::authorities_in(config.identity_place.msp_dir);
     if (!own) return own.error();
-    authorities += *own;
+    known.ca_pem += *own;
   }
-  if (authorities.empty() && !config.config_block.empty()) {
+  if (!config.config_block.empty()) {
     const auto channel = channel_of(config);
     if (!channel) return channel.error();
-    authorities = authorities_of(msp_id, channel->organisations);
+    known.ca_pem += authorities_of(msp_id, channel->organisations);
+    for (const crypto::MspRoot& root : channel->organisations)
+      if (root.msp_id == msp_id) known.revocation_lists_pem += root.revocation_lists_pem;
   }
-  if (authorities.empty()) return done;
-  const Status issued = crypto::check_issued_by_any(authorities, certificate_pem);
-  if (issued) return done;
-  return Error{fmt::format("is no certificate of {}: {}", msp_id, issued.error().message)};
+  if (known.ca_pem.empty()) return done;
+  const auto certificate = crypto::parse_certificate(certificate_pem);
+  if (!certificate) return certificate.error();
+  const auto member = crypto::make_msp_registry(crypto::Library::libcrypto, {std::move(known)})
+                          ->member(crypto::serialized_identity(msp_id, certificate_pem), std::nullopt);
+  if (member) return done;
+  return Error{fmt::format("is no certificate of {}: it was issued by {} ({})", msp_id, certificate->issuer,
+                           member.error().message)};
 }
 
 Result<TimeNs> apply_timeouts(ClientConfig& config) {

@@ -32,9 +32,8 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);
 /// The organisations of the [[msp]] tables of a file for load_ledger_config(); empty where it has no such table.
 Result<std::vector<crypto::MspRoot>> load_msps(const std::string& file);
 
-/// An error, which says whose authority issued it: the certificate cannot be one of this organisation. Its authorities
-/// are those of `msps`, and of our own organisation those in msp_dir; where neither knows any: of config_block. Done
-/// where no authority of it is known.
+/// An error, which says whose authority issued it: nobody of this organisation has the certificate, by the authorities
+/// in `msps`, in config_block, and of our own organisation in msp_dir. Done where no authority of it is known.
 Status check_certificate_of(const std::string& msp_id, const std::string& certificate_pem, const ClientConfig& config,
                             const std::vector<crypto::MspRoot>& msps);
 

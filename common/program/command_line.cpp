@@ -35,7 +35,8 @@ class OrderedHelp : public CLI::Formatter {
     const std::string required = " REQUIRED";
     const auto at = text.find(required);
     if (is_positional || !option->get_positional() || at == std::string::npos) return text;
-    const std::string other = " or " + option->get_name(true);
+    std::string other = " or " + option->get_name(true);
+    other.resize(std::max(other.size(), required.size()), ' ');
     const std::size_t blanks = std::min(text.find_first_not_of(' ', at + required.size()), text.size());
     const std::size_t room = blanks - at - 1;  // one blank stays before the description
     return text.replace(at, std::min(other.size(), std::max(room, required.size())), other);

@@ -69,6 +69,8 @@ int fly(Config& config) {
   if (checked && !trusted) checked = trusted.error();
   if (checked) checked = endorser::check_channels(within, channels);
   if (!checked) return fail(checked.error(), exit_usage);
+  // One along a path is not begun again: by then nobody watches the take-off.
+  const int not_started = flight.manual ? exit_not_started : exit_failed;
   if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_validated);
   fabric::ClientConfig careful = verification::for_contract(std::move(ledger).value());
   auto certificates = fabric::watch_certificates(config, careful, channels.tls_pairs());
@@ -79,7 +81,7 @@ int fly(Config& config) {
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     fabric::ClientConfig& own = (*ledgers)[i];
     const auto longer_ns = fabric::apply_timeouts(own);
-    if (!longer_ns) return fail(longer_ns.error(), exit_not_started);
+    if (!longer_ns) return fail(longer_ns.error(), not_started);
     if (const Status s = endorser::start_own_endorser(within, own); !s) return fail(s.error(), exit_usage);
     ground::FlightConfig of_channel = ground::flight_of_channel(flight, channels.of_drone, i);
     of_channel.limits.warn_silence_ns += *longer_ns;
@@ -89,15 +91,15 @@ int fly(Config& config) {
     parts.push_back(std::move(*made));
   }
   auto participant = dds::Participant::create(dds);
-  if (!participant) return fail(participant.error(), exit_not_started);
+  if (!participant) return fail(participant.error(), not_started);
   ground::Ground ground(std::move(parts), channels.of_drone, output, pilot, *participant, std::move(*certificates));
   if (!service.listen.empty()) {
     if (auto status = ground.serve(service, std::move(missions), *ledgers); !status)
       return fail(status.error(), exit_usage);
   }
-  if (auto status = ground.start(stop_requested); !status) return fail(status.error(), exit_not_started);
+  if (auto status = ground.start(stop_requested); !status) return fail(status.error(), not_started);
   const auto bridges = bridge::BesideBridges::create(config, careful, bridged, *participant);
-  if (!bridges) return fail(bridges.error(), exit_not_started);
+  if (!bridges) return fail(bridges.error(), not_started);
   print_line(ground.page_url().empty() ? R"({"ready":true})"
                                        : fmt::format(R"({{"ready":true,"page":"{}"}})", ground.page_url()));
   return exit_code(ground.run(stop_requested));
@@ -127,7 +129,8 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +
     R"(Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong), while a stop ends
-a flight along a path with 1; 1 not so; 2 bad usage or config; 3 it could not begin, as without a ledger for 15 s)";
+a flight along a path with 1; 1 not so; 2 bad usage or config; 3 manual: it could
+not begin, as without a ledger for 15 s)";
 
 }  // namespace
 

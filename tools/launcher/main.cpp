@@ -5,6 +5,7 @@
 #include <csignal>
 #include <ctime>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -141,8 +142,9 @@ int ledgerline::command::fly(int argc, char** argv) {
   const Status room = check_space(ledger, launcher::min_ledger_bytes(asked.options), "the ledger of a flight");
   if (!room) return failed(room.error().message);
   if (!asked.options.json.empty()) {  // before the flight, not after it
-    if (const Status written = write_file(asked.options.json, ""); !written)
-      return failed("--json: " + written.error().message);
+    const bool there = fs::exists(asked.options.json, error);
+    if (!std::ofstream(asked.options.json, std::ios::app)) return failed("--json: cannot write " + asked.options.json);
+    if (!there) fs::remove(asked.options.json, error);
   }
   catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);

@@ -132,6 +132,8 @@ Result<std::vector<std::string>> names_of_all(Station& station, const std::strin
     if (!operators) return operators.error();
     auto identity = identity_signed_in(*operators);
     if (!identity) return identity.error();
+    if (identity->empty())
+      return Error{"nobody is signed in: `ledgerline drones login`, or where nobody signs in, `ledgerline control`"};
     self = std::move(*identity);
   }
   const auto body = station.request({.target = "drones"});
@@ -148,7 +150,9 @@ Status act(Station& station, const Target& target, const VerbOptions& verb_optio
   if (verb == "path") return fly_path(station, verb_options);
   if (verb_options.all && verb != "stop" && verb != "cut") {
     const auto names = names_of_all(station, verb);
-    if (!names) return names.error();
+    if (!names)
+      return Error{names.error().message +
+                   (verb == "land" ? " (nothing was sent; stop --all asks nothing first)" : "")};
     VerbOptions of_all = verb_options;
     of_all.all = false;
     of_all.names = *names;

@@ -199,7 +199,6 @@ def test_a_start_without_one_channel_flies_the_drones_of_the_other_which_join_la
         ledgers.stop()
 
 
-@only_long
 def test_nobody_is_enrolled_or_granted_anything_who_cannot_exist(tmp_path):
     ledgers = Ledgers(tmp_path, False)
     people = People(tmp_path, ledgers)
@@ -232,6 +231,7 @@ def test_nobody_is_enrolled_or_granted_anything_who_cannot_exist(tmp_path):
         ledgers.stop()
 
 
+@only_long
 def test_a_drone_that_is_enrolled_late_ends_no_agent_and_joins(tmp_path):
     ledgers = Ledgers(tmp_path, fabric=False)
     people = People(tmp_path, ledgers)

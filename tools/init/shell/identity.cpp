@@ -43,8 +43,9 @@ std::vector<fs::path> files_in(const fs::path& folder, const std::string& extens
 std::string organisation_of(const std::string& config_dir, const std::string& msp_dir) {
   for (const fs::path& file : files_in(config_dir, ".toml")) {
     auto config = Config::load(file.string());
+    std::error_code same, other;
     if (config &&
-        fs::path(config->text("ledger.msp_dir", "")).lexically_normal() == fs::path(msp_dir).lexically_normal())
+        fs::weakly_canonical(config->text("ledger.msp_dir", ""), same) == fs::weakly_canonical(msp_dir, other))
       return config->text("ledger.msp_id", "");
   }
   return "";

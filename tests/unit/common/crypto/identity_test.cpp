@@ -60,18 +60,6 @@ TEST_F(Msp, UnitsSayWhoIsAdminAndWhoIsPeer) {
       registry_->member(serialized("Org1MSP", user_of(ca_, "peer0.org1", "peer").certificate_pem), now_).value()->peer);
 }
 
-TEST_F(Msp, ACertificateOfAnotherAuthorityNamesItsIssuer) {
-  const auto third = make_ca("ca.org3.ledgerline", "org3.ledgerline").value();
-  const std::string both = third.certificate_pem + ca_.certificate_pem;
-  EXPECT_TRUE(check_issued_by_any(both, user_of(ca_, "User1@org1", "client").certificate_pem));
-  EXPECT_FALSE(check_issued_by_any(both, user_of(other_ca_, "User1@org1", "client").certificate_pem)) << "of its name";
-  const Status refused = check_issued_by_any(ca_.certificate_pem, user_of(third, "User1", "client").certificate_pem);
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().message.find("issued by CN=ca.org3.ledgerline"), std::string::npos)
-      << refused.error().message;
-  EXPECT_FALSE(check_issued_by_any(ca_.certificate_pem, "no certificate"));
-}
-
 TEST_F(Msp, AMemberHasExactlyOneRole) {
   const auto of = [&](const std::string& unit) {
     return refusal(serialized("Org1MSP", user_of(ca_, "User1@org1", unit).certificate_pem));
