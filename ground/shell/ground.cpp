@@ -291,7 +291,7 @@ std::vector<std::vector<PilotCommand>> Ground::split(const std::vector<PilotComm
   return of_each;
 }
 
-// The ledger has ground's own commands, under the lease of whoever holds the drone: who asked for them is said here.
+// The ledger has ground's own commands, under the lease of the drone's holder: who asked for them is said here.
 void Ground::report_requests(const std::vector<PilotCommand>& commands) {
   for (const PilotCommand& command : commands) {
     for (const std::string& words : command.requests) station_->add_request(names_[command.drone], words);

@@ -248,7 +248,7 @@ std::string hosts_before(fabric::Client& client, const Options& options, const I
     lines += fmt::format("{}: host was {} of {}\n", before.drone(), owner.subject(), owner.msp_id());
     return done;
   };
-  // What cannot be read is not told: whether the drones can be enrolled is for the ledger to say.
+  // Left out where it cannot be read: whether the drones can be enrolled is for the ledger to say.
   (void)verification::read_all(
       "control", [&](const fabric::Call& call) { return client.evaluate(call); }, add);
   return lines;

@@ -9,7 +9,7 @@
 #include "hil/fault/own_code.hpp"
 #include "hil/fault/script.hpp"
 
-// What of a script the real processes can have, and how they are told.
+// What of a script the real processes can have, and how they learn of it.
 
 namespace ledgerline::hil {
 
