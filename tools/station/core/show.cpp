@@ -168,12 +168,12 @@ Result<std::vector<std::string>> drones_for(std::string_view body, std::string_v
   return read_answer<std::vector<std::string>>(body, "drones", [&](const json& answer) {
     std::vector<std::string> names;
     for (const json& drone : answer.at("drones")) {
-      const auto holder = [&] { return drone.at("lease").at("holder"); };
+      const std::string holder = text_at(drone.at("lease"), "holder");
       const auto is_down = [&](const std::string& phase) { return phase == "on_ground" || phase == "landed"; };
       const bool fits = verb == "clear_stop" ? !drone.at("stopped_by").empty()
-                        : verb == "acquire"  ? holder().is_null()
-                        : verb == "request"  ? !holder().is_null() && holder() != self
-                        : verb == "release"  ? holder() == self
+                        : verb == "acquire"  ? holder.empty()
+                        : verb == "request"  ? !holder.empty() && holder != self
+                        : verb == "release"  ? holder == self
                                              : !is_down(text_at(drone, "link_phase"));
       if (fits) names.push_back(drone.at("name").get<std::string>());
     }

@@ -92,7 +92,7 @@ TEST(AStop, IsClearedWhenNobodyHasTheDroneStopped) {
 TEST(AllDrones, AreThoseForWhichAVerbMakesSense) {
   json of_bob = drone("tello2", "manual"), free = drone("tello3", "waiting");
   of_bob["lease"]["holder"] = "Org2MSP CN=bob";
-  free["lease"]["holder"] = nullptr;
+  free["lease"]["holder"] = "";
   free["link_phase"] = "on_ground";
   const std::string all = drones({drone("tello1", "manual"), of_bob, free}), alice = "Org2MSP CN=alice";
   EXPECT_THAT(*drones_for(all, "acquire", alice), ElementsAre("tello3"));
