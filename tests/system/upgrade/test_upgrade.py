@@ -37,7 +37,8 @@ def programs_of_before(home: pathlib.Path, before: Before) -> pathlib.Path:
     for program in BIN.glob("ledgerline-*"):
         (programs / program.name).symlink_to(program)
     ledgerline = BIN / "ledgerline"
-    write_script(programs / "ledgerline", f'[ "$1" != fabric ] || exec {before.fabric} "$@" --tools {before.tools} --signature-policy "{ANY_PEER}"\n'
+    others = "".join(f" --drone {drone}" for drone in (GROUNDED, STOPPED_LATER, STOPPED_MEANWHILE))
+    write_script(programs / "ledgerline", f'[ "$1" != fabric ] || exec {before.fabric} "$@" --tools {before.tools} --signature-policy "{ANY_PEER}"{others}\n'
                                           f'{ledgerline} "$@" || exit\n[ "$1 $4" != "control acquire" ] || '
                                           f'{{ {ledgerline} control "$2" "$3" stop {CLEARED} && {ledgerline} control "$2" "$3" clear_stop {CLEARED}; }}')
     return programs
