@@ -30,4 +30,9 @@ std::string nearest_word(const std::string& typed, const std::vector<std::string
   return edits(near) <= std::min(max_edits, typed.size() / 2) ? near : "";
 }
 
+std::string did_you_mean(const std::string& lead, const std::string& typed, const std::vector<std::string>& known) {
+  const std::string near = nearest_word(typed, known);
+  return near.empty() ? "" : lead + "did you mean " + near + "?";
+}
+
 }  // namespace ledgerline

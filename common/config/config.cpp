@@ -150,8 +150,7 @@ struct Config::State {
     for (const std::string& one : asked) {
       if (one.rfind('.') + 1 == key && one.starts_with(unknown.substr(0, key))) known.push_back(one.substr(key));
     }
-    const std::string near = nearest_word(unknown.substr(key), known);
-    return near.empty() ? "" : fmt::format(": did you mean {}?", near);
+    return did_you_mean(": ", unknown.substr(key), known);
   }
 };
 

@@ -43,9 +43,8 @@ Result<PathChoice> path_choice_from(const std::string& shape_or_file, const std:
   }
   std::vector<std::string> known = motion::shape_names();
   known.insert(known.end(), others.begin(), others.end());
-  const std::string near = nearest_word(shape_or_file, known);
   return Error{fmt::format("\"{}\" is none of {}, nor a file of waypoints{}", shape_or_file, fmt::join(known, ", "),
-                           near.empty() ? "" : ": did you mean " + near + "?")};
+                           did_you_mean(": ", shape_or_file, known))};
 }
 
 }  // namespace ledgerline::ground

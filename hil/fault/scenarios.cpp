@@ -31,10 +31,10 @@ Result<std::vector<std::string>> in_library(const std::string& name, const std::
     if (name == whole_library || name_of_script(file) == name || group_of(file, folder) == name) found.push_back(file);
   }
   if (!found.empty()) return found;
-  const std::string near = nearest_word(name, known);
+  const std::string near = did_you_mean("", name, known);
   return Error{
-      fmt::format("there is no file {}, and no scenario or group of this name in {} ({}`ledgerline fault list`)", name,
-                  folder, near.empty() ? "" : fmt::format("did you mean {}? ", near))};
+      fmt::format("there is no file {}, and no scenario or group of this name in {} ({}{}`ledgerline fault list`)",
+                  name, folder, near, near.empty() ? "" : " ")};
 }
 
 }  // namespace

@@ -122,8 +122,8 @@ int main(int argc, char** argv) {
   const auto verb = std::ranges::find(verbs, first, &VerbRow::name);
   if (verb != verbs.end()) return run(*verb, words);
   if (first.empty()) return help(stderr), exit_usage;
-  const std::string near = ledgerline::nearest_word(first, first_words());
+  const std::string near = ledgerline::did_you_mean("", first, first_words());
   fmt::print(stderr, "ledgerline: there is no verb \"{}\"; {}\n", ledgerline::printable(first),
-             near.empty() ? "`ledgerline --help` lists them" : "did you mean " + near + "?");
+             near.empty() ? "`ledgerline --help` lists them" : near);
   return exit_usage;
 }

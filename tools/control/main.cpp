@@ -58,11 +58,9 @@ Status check_named(const Options& options, const fabric::ClientConfig& ledger) {
   if (!msps) return msps.error();
   std::vector<std::string> known;
   for (const crypto::MspRoot& msp : *msps) known.push_back(msp.msp_id);
-  if (!known.empty() && options.msp != ledger.identity.name.msp_id && std::ranges::count(known, options.msp) == 0) {
-    const std::string near = nearest_word(options.msp, known);
+  if (!known.empty() && options.msp != ledger.identity.name.msp_id && std::ranges::count(known, options.msp) == 0)
     return Error{fmt::format("{}: --msp {}: {} has no [[msp]] of that name{}", options.function, options.msp,
-                             options.config, near.empty() ? "" : "; did you mean " + near + "?")};
-  }
+                             options.config, did_you_mean("; ", options.msp, known))};
   if (options.certificate.empty()) return done;
   const auto pem = read_file(options.certificate);
   if (!pem) return pem.error();

@@ -221,9 +221,8 @@ Result<const FaultKind*> kind_of(std::string_view text, bool real) {
   }
   if (nearest.empty()) {
     const std::vector<std::string> first = first_words(real);
-    const std::string near = words.empty() ? "" : nearest_word(std::string(words[0]), first);
     return wrong(text, fmt::format("must begin with {}{}", fmt::join(first, ", "),
-                                   near.empty() ? "" : fmt::format(": did you mean {}?", near)));
+                                   words.empty() ? "" : did_you_mean(": ", std::string(words[0]), first)));
   }
   if (!real && nearest.front()->real_only)
     return wrong(text, fmt::format("{} is not there in simulated time: such a fault needs the real processes (--real)",
