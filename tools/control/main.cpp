@@ -237,18 +237,15 @@ Status show_records(fabric::Client& client, const Options& options) {
 /// A line for each drone whose host is another than `host`, which is about to be its host.
 std::string hosts_before(fabric::Client& client, const Options& options, const Identity& host) {
   std::string lines;
-  const auto add = [&](const Asset& asset) -> Status {
-    Control before;
-    if (auto status = parse_message(asset.msg_data(), before); !status) return status;
-    const Identity& owner = before.owner();
-    const bool is_host = owner.msp_id() == host.msp_id() && owner.subject() == host.subject();
-    if (!before.has_owner() || is_host || std::ranges::count(options.drones, before.drone()) == 0) return done;
-    lines += fmt::format("{}: host was {} of {}\n", before.drone(), owner.subject(), owner.msp_id());
-    return done;
-  };
-  // Left out where it cannot be read: whether the drones can be enrolled is for the ledger to say.
-  (void)verification::read_all(
-      "control", [&](const fabric::Call& call) { return client.evaluate(call); }, add);
+  for (const std::string& drone : options.drones) {
+    const auto before =
+        verification::read_control(drone, [&](const fabric::Call& call) { return client.evaluate(call); });
+    // Left out where it cannot be read: whether the drone can be enrolled is for the ledger to say.
+    if (!before || !before->has_owner()) continue;
+    const Identity& owner = before->owner();
+    if (owner.msp_id() == host.msp_id() && owner.subject() == host.subject()) continue;
+    lines += fmt::format("{}: host was {} of {}\n", drone, owner.subject(), owner.msp_id());
+  }
   return lines;
 }
 
