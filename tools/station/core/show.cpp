@@ -98,6 +98,11 @@ std::string finding_line(const json& finding) {
                      text_at(finding, "words"));
 }
 
+bool is_down(const json& drone) {
+  const std::string phase = text_at(drone, "link_phase");
+  return phase == "on_ground" || phase == "landed";
+}
+
 }  // namespace
 
 std::string of_drone(const std::string& name, std::string text) {
@@ -149,14 +154,13 @@ Result<bool> all_arrived(std::string_view body, const std::vector<std::string>& 
   auto arrived = read_answer<bool>(body, "drones", [&](const json& answer) {
     bool all = true;
     for (const json& drone : answer.at("drones")) {
-      const std::string name = text_at(drone, "name"), link_phase = text_at(drone, "link_phase");
+      const std::string name = text_at(drone, "name");
       if (!names.empty() && std::ranges::find(names, name) == names.end()) continue;
       if (verb == "takeoff" && text_at(drone, "phase") == "failed")
         failed = Error{fmt::format("{}: failed: {}", name, mode_of(drone))};
-      const bool is_down = link_phase == "on_ground" || link_phase == "landed";
       const bool is_stop = verb == "stop" || verb == "cut";
-      all = all &&
-            (verb == "takeoff" ? link_phase == "flying" : is_down && (!is_stop || !drone.at("stopped_by").empty()));
+      all = all && (verb == "takeoff" ? text_at(drone, "link_phase") == "flying"
+                                      : is_down(drone) && (!is_stop || !drone.at("stopped_by").empty()));
     }
     return all;
   });
@@ -169,12 +173,11 @@ Result<std::vector<std::string>> drones_for(std::string_view body, std::string_v
     std::vector<std::string> names;
     for (const json& drone : answer.at("drones")) {
       const std::string holder = text_at(drone.at("lease"), "holder");
-      const auto is_down = [&](const std::string& phase) { return phase == "on_ground" || phase == "landed"; };
       const bool fits = verb == "clear_stop" ? !drone.at("stopped_by").empty()
                         : verb == "acquire"  ? holder.empty()
                         : verb == "request"  ? !holder.empty() && holder != self
                         : verb == "release"  ? holder == self
-                                             : !is_down(text_at(drone, "link_phase"));
+                                             : !is_down(drone);
       if (fits) names.push_back(drone.at("name").get<std::string>());
     }
     return names;
