@@ -106,6 +106,8 @@ enum class ListsFrom {
 };
 std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspRoot> roots,
                                                ListsFrom lists_from = ListsFrom::configuration);
+/// Whether the certificate is one of this organisation's, whenever it is valid: an error as of MspRegistry::member().
+Status check_member(MspRoot organisation, const std::string& certificate_pem);
 
 struct RevocationList {
   std::string msp_id;       ///< whose authority signed it

@@ -208,4 +208,11 @@ std::unique_ptr<MspRegistry> make_msp_registry(Library library, std::vector<MspR
   return std::make_unique<CachingRegistry>(library, std::move(roots), lists_from);
 }
 
+Status check_member(MspRoot organisation, const std::string& certificate_pem) {
+  const std::string serialized = serialized_identity(organisation.msp_id, certificate_pem);
+  const auto member =
+      make_msp_registry(Library::libcrypto, {std::move(organisation)})->member(serialized, std::nullopt);
+  return member ? done : Status(member.error());
+}
+
 }  // namespace ledgerline::crypto

@@ -226,8 +226,7 @@ Status check_certificate_of(const std::string& msp_id, const std::string& certif
   if (known.ca_pem.empty()) return done;
   const auto certificate = crypto::parse_certificate(certificate_pem);
   if (!certificate) return certificate.error();
-  const auto member = crypto::make_msp_registry(crypto::Library::libcrypto, {std::move(known)})
-                          ->member(crypto::serialized_identity(msp_id, certificate_pem), std::nullopt);
+  const Status member = crypto::check_member(std::move(known), certificate_pem);
   if (member) return done;
   return Error{fmt::format("is no certificate of {}: it was issued by {} ({})", msp_id, certificate->issuer,
                            member.error().message)};

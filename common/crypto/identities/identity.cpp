@@ -51,24 +51,31 @@ Status read_file(const fs::path& path, bool secret, std::string& out) {
   return status;
 }
 
+/// In order of their names. Kubernetes' own folders and links (..data) are none.
+std::vector<fs::path> files_in(const fs::path& folder, std::error_code& error) {
+  std::vector<fs::path> files;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    if (!at->path().filename().string().starts_with('.')) files.push_back(at->path());
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
 /// The first file by name with the ending (cryptogen and fabric-ca make exactly one), or the one of that name, or the
-/// only one that there is. Kubernetes' own folders and links (..data) are none.
+/// only one that there is.
 Result<std::string> file_in(const fs::path& folder, const std::string& ending, const std::string& name) {
   std::error_code error;
-  std::vector<fs::path> all, found;
-  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    const std::string file = at->path().filename().string();
-    if (file.starts_with('.')) continue;
-    all.push_back(at->path());
-    if (file.ends_with(ending) || file == name) found.push_back(at->path());
-  }
+  const std::vector<fs::path> all = files_in(folder, error);
   if (error) return Error{fmt::format("cannot read folder {}: {}", folder.string(), error.message())};
-  if (found.empty() && all.size() == 1) return all.front().string();
-  if (found.empty() && all.empty()) return Error{fmt::format("{} has no file *{}", folder.string(), ending)};
-  if (found.empty())
-    return Error{
-        fmt::format("{} has {} files, none of them *{}: which one counts?", folder.string(), all.size(), ending)};
-  return std::min_element(found.begin(), found.end())->string();
+  const auto found = std::ranges::find_if(all, [&](const fs::path& path) {
+    const std::string file = path.filename().string();
+    return file.ends_with(ending) || file == name;
+  });
+  if (found != all.end()) return found->string();
+  if (all.size() == 1) return all.front().string();
+  if (all.empty()) return Error{fmt::format("{} has no file *{}", folder.string(), ending)};
+  return Error{
+      fmt::format("{} has {} files, none of them *{}: which one counts?", folder.string(), all.size(), ending)};
 }
 
 struct Named {
@@ -95,13 +102,9 @@ Result<Named> read_named(const fs::path& file) {
 std::string key_of(const std::string& certificate_file, std::string first) {
   std::string certificate;
   if (!read_file(certificate_file, false, certificate)) return first;
-  std::vector<fs::path> keys;
   std::error_code error;
-  for (fs::directory_iterator at(fs::path(first).parent_path(), error), end; !error && at != end; at.increment(error)) {
-    if (!at->path().filename().string().starts_with('.')) keys.push_back(at->path());
-  }
+  const std::vector<fs::path> keys = files_in(fs::path(first).parent_path(), error);
   if (keys.size() < 2) return first;
-  std::ranges::sort(keys);
   for (const fs::path& file : keys) {
     Secret key;
     if (read_file(file, true, key.text) && check_fits(key.text, certificate)) return file.string();
@@ -146,10 +149,9 @@ Result<std::string> authorities_in(const std::string& msp_dir) {
   for (const char* folder : {"cacerts", "intermediatecerts"}) {
     std::error_code error;
     const fs::path place = fs::path(msp_dir) / folder;
-    for (fs::directory_iterator at(place, error), end; !error && at != end; at.increment(error)) {
-      if (at->path().filename().string().starts_with('.')) continue;
+    for (const fs::path& file : files_in(place, error)) {
       std::string pem;
-      if (auto s = read_file(at->path(), false, pem); !s) return s.error();
+      if (auto s = read_file(file, false, pem); !s) return s.error();
       all += pem + "\n";
     }
     if (error && error != std::errc::no_such_file_or_directory)

@@ -60,10 +60,8 @@ class TestRegistry final : public MspRegistry {
 }  // namespace
 
 SigningIdentity make_test_identity(const IdentityName& name) {
-  msp::SerializedIdentity serialized;
-  serialized.set_mspid(name.msp_id);
-  serialized.set_id_bytes(std::string(test_prefix) + name.subject);
-  return {name, serialized.SerializeAsString(), std::make_shared<TestSigner>(name)};
+  return {name, serialized_identity(name.msp_id, std::string(test_prefix) + name.subject),
+          std::make_shared<TestSigner>(name)};
 }
 
 std::unique_ptr<MspRegistry> make_test_registry(std::vector<std::string> msp_ids) {

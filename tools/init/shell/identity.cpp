@@ -61,8 +61,7 @@ Status check_authority(const std::string& config_dir, const std::string& msp_dir
     if (!own.empty() && id != own) continue;
     const auto authority = read_file(file.string());
     if (!authority) return authority.error();
-    const auto registry = crypto::make_msp_registry(crypto::Library::libcrypto, {{id, *authority}});
-    const auto member = registry->member(crypto::serialized_identity(id, certificate_pem), std::nullopt);
+    const Status member = crypto::check_member({id, *authority}, certificate_pem);
     if (member) return done;
     why += fmt::format("; {}: {}", file.string(), member.error().message);
   }
