@@ -117,20 +117,22 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
 )" + ledger_table_help +
     channel_tables_help +
     R"(  [flight] shape (square|triangle|x|eight|waypoints|manual), waypoints (CSV: x,y[,z[,speed]]), predict,
-    ramp_start_mps, ramp_step_mps, full_scale_mps, max_acceleration_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
-    lag_s, cmd_timeout_ms, controller (a library of your own: docs/faults.md)
+    ramp_start_mps, ramp_step_mps, full_scale_mps, max_acceleration_mps2, pose_lost_ms, speed_mps, laps, seconds,
+    height_m, side_m, lag_s, cmd_timeout_ms, controller (a library of your own: docs/faults.md)
   [output] trace, summary, status_period_ms, checkpoint
-  [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/fabric.md)
+  [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key,
+    summary (docs/fabric.md)
   [service] listen, token_file, tls_certificate, tls_key, tls_client_ca, names, operators, session_idle_s, faults
     (a page to fly from: docs/station.md)
   [pilot] topics, emergency (what pilots' ROS 2 topics may say: docs/ros2.md)
-  [mission] folder, approvals, approvers, approval_hours, on_loss, after_restart, fence_min_m, fence_max_m (docs/station.md)
+  [mission] folder, approvals, approvers, approval_hours, on_loss, after_restart, fence_min_m, fence_max_m
+    (docs/station.md)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +
-    R"(Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong), while a stop ends
-a flight along a path with 1; 1 not so; 2 bad usage or config; 3 manual: it could
-not begin, as without a ledger for 15 s)";
+    R"(Exit codes: 0 every drone finished its path and landed (manual: landed, and nothing went wrong), while a stop
+ends a flight along a path with 1; 1 not so; 2 bad usage or config; 3 manual: it could not begin, as without a ledger
+for 15 s)";
 
 }  // namespace
 
