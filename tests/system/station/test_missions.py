@@ -20,7 +20,9 @@ def mission(station: Station, name: str, ways: dict, then: str = "hover") -> dic
     """Of waypoints from where each drone stands now."""
     drones = []
     for drone, way in ways.items():
-        x, y, _ = station.wait(drone, lambda d: d["link_phase"] in ("on_ground", "landed", "flying") and d["position"])["position"]
+        known = station.wait(drone, lambda d: d["link_phase"] in ("on_ground", "landed", "flying") and d["position"]
+                             and d["battery_percent"] is not None)  # a message of its own, which may come after the pose
+        x, y, _ = known["position"]
         drones.append({"drone": drone, "then": then,
                        "waypoints": [{"x": round(x + dx, 3), "y": round(y + dy, 3), "z": 1.2} for dx, dy in way]})
     return {"name": name, "drones": drones}
