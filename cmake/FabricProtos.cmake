@@ -28,8 +28,8 @@ set(FABRIC_MESSAGES
   msp/identities msp/msp_config msp/msp_principal
   orderer/ab orderer/configuration
   peer/lifecycle/chaincode_definition peer/lifecycle/db peer/lifecycle/lifecycle
-  peer/chaincode peer/chaincode_event peer/chaincode_shim peer/configuration peer/events peer/peer peer/policy peer/proposal
-  peer/proposal_response peer/collection peer/transaction peer/query peer/resources)
+  peer/chaincode peer/chaincode_event peer/chaincode_shim peer/events peer/peer peer/policy peer/proposal
+  peer/proposal_response peer/collection peer/transaction peer/query)
 set(FABRIC_SERVICES gateway/gateway orderer/ab peer/events peer/peer peer/chaincode_shim)
 
 # Generated code is not what the sanitizers look for. With tsan its classes have another layout, though: there all must
