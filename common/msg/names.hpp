@@ -10,7 +10,7 @@
 /// The words for what link says: in logs, status lines, summaries and on the ledger.
 namespace ledgerline {
 
-constexpr std::string_view name(FlightPhase phase) noexcept { return enum_name(phase); }
+constexpr std::string_view name(LinkPhase phase) noexcept { return enum_name(phase); }
 constexpr std::string_view name(FailsafeMode mode) noexcept { return enum_name(mode); }
 constexpr std::string_view name(FailsafeCause cause) noexcept { return enum_name(cause); }
 

@@ -40,7 +40,7 @@ constexpr bool is_contract_action(PlanAction action) noexcept {
 }
 
 /// Where the flight is, as link sees it.
-enum class FlightPhase : std::uint8_t {
+enum class LinkPhase : std::uint8_t {
   disconnected = 0,
   on_ground = 1,
   taking_off = 2,
@@ -48,11 +48,11 @@ enum class FlightPhase : std::uint8_t {
   landing = 4,
   landed = 5
 };
-constexpr bool is_in_flight(FlightPhase phase) noexcept {
-  return phase == FlightPhase::taking_off || phase == FlightPhase::flying || phase == FlightPhase::landing;
+constexpr bool is_in_flight(LinkPhase phase) noexcept {
+  return phase == LinkPhase::taking_off || phase == LinkPhase::flying || phase == LinkPhase::landing;
 }
-constexpr bool is_on_ground(FlightPhase phase) noexcept {
-  return phase == FlightPhase::on_ground || phase == FlightPhase::landed;
+constexpr bool is_on_ground(LinkPhase phase) noexcept {
+  return phase == LinkPhase::on_ground || phase == LinkPhase::landed;
 }
 
 /// What the failsafe does now; `none` while the plan is flown.
@@ -157,7 +157,7 @@ static_assert(max_drones < 32);
 /// says what a take-off waits for, is none. Unlike states none may be lost: link keeps each until it is on the ledger.
 struct Transition {
   DroneNumber drone = 0;
-  FlightPhase phase = FlightPhase::disconnected;
+  LinkPhase phase = LinkPhase::disconnected;
   FailsafeMode mode = FailsafeMode::none;
   FailsafeCause cause = FailsafeCause::none;
   std::uint64_t boot_id = 0;
@@ -170,7 +170,7 @@ struct Transition {
 /// link -> agent: one sample of a drone, and what link really did.
 struct StateSample {
   DroneNumber drone = 0;
-  FlightPhase phase = FlightPhase::disconnected;
+  LinkPhase phase = LinkPhase::disconnected;
   FailsafeMode mode = FailsafeMode::none;
   FailsafeCause cause = FailsafeCause::none;
   std::uint64_t boot_id = 0;   ///< of this start of link: stamps of another are refused

@@ -194,10 +194,10 @@ std::array<double, 3> turned(const std::array<double, 3>& v, double yaw_rad, dou
 
 bool read_enums(CdrReader& in, StateSample& s) {
   const auto [phase, mode, cause] = in.get_array<std::uint8_t, 3>();
-  s.phase = static_cast<FlightPhase>(phase);
+  s.phase = static_cast<LinkPhase>(phase);
   s.mode = static_cast<FailsafeMode>(mode);
   s.cause = static_cast<FailsafeCause>(cause);
-  return phase < enum_count<FlightPhase> && mode < enum_count<FailsafeMode> && cause < enum_count<FailsafeCause>;
+  return phase < enum_count<LinkPhase> && mode < enum_count<FailsafeMode> && cause < enum_count<FailsafeCause>;
 }
 
 bool read_link_status(CdrReader& in, DroneState& state) {

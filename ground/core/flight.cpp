@@ -26,9 +26,9 @@ constexpr std::size_t max_kind = 64, max_alarm_words = 300;  // bytes in the log
 
 }  // namespace
 
-std::string name_of(DronePhase phase) {
+std::string name_of(GroundPhase phase) {
   constexpr std::array names{"waiting", "takeoff", "path", "manual", "landing", "landed", "failed"};
-  static_assert(names.size() == enum_count<DronePhase>);
+  static_assert(names.size() == enum_count<GroundPhase>);
   return names[static_cast<std::size_t>(phase)];
 }
 
@@ -130,8 +130,8 @@ Diagnosis::Finding FlightCore::diagnose(TimeNs now_ns, std::size_t index) const 
   const FlightStatus& status = drone.status;
   const Lease& lease = leases_.of(index);
   if (is_stopped(lease.stoppers)) return {DiagnosticLevel::error, "stopped by " + stopper_names(lease.stoppers)};
-  if (status.phase == DronePhase::failed) return {DiagnosticLevel::error, status.why};
-  if (status.phase == DronePhase::waiting || (config_.manual && status.phase == DronePhase::landed)) {
+  if (status.phase == GroundPhase::failed) return {DiagnosticLevel::error, status.why};
+  if (status.phase == GroundPhase::waiting || (config_.manual && status.phase == GroundPhase::landed)) {
     const Status ready = drone.phases.check_ready(now_ns);
     return ready ? Diagnosis::Finding{DiagnosticLevel::ok, "may take off"}
                  : Diagnosis::Finding{DiagnosticLevel::warn, ready.error().message};
@@ -205,7 +205,7 @@ void FlightCore::on_state(TimeNs now_ns, std::size_t index, const StateSample& s
   Drone& drone = *drones_[index];
   const bool same_boot = intake_.same_boot(index, sample);
   // A link that was started again while the drone flies has yet to find it: it knows nothing, and the silence goes on.
-  drone.fresh = !(sample.phase == FlightPhase::disconnected && drone.phases.in_air());
+  drone.fresh = !(sample.phase == LinkPhase::disconnected && drone.phases.in_air());
   intake_.accept(index, sample, drone.fresh ? std::optional(now_ns) : std::nullopt);
   if (!same_boot && sample.applied_sequence > 0) {
     const std::uint64_t behind = sample.applied_sequence + sequence_gap;
@@ -232,7 +232,7 @@ void FlightCore::lease_changed(TimeNs now_ns, const LeaseBook::Change& change) {
   Phases& phases = drones_[change.drone]->phases;
   phases.lease_changed(now_ns);
   // A path belongs to the pilot who gave it: the drone's new holder gives another.
-  if (change.new_epoch && config_.manual && drones_[change.drone]->status.phase == DronePhase::path)
+  if (change.new_epoch && config_.manual && drones_[change.drone]->status.phase == GroundPhase::path)
     (void)phases.pause_path(now_ns);
 }
 
@@ -302,10 +302,10 @@ void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOu
   if (command.late > 0 && !command.velocity)
     add_note(now_ns, command.drone, "a velocity was held back on its way: not flown", out);
   if (!command.velocity) return;
-  if (drone.status.phase == DronePhase::path && config_.manual && !command.order &&
+  if (drone.status.phase == GroundPhase::path && config_.manual && !command.order &&
       is_deliberate(*command.velocity, config_.controller) && drone.phases.pause_path(now_ns))
     add_note(now_ns, command.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
-  if (drone.status.phase != DronePhase::manual) {
+  if (drone.status.phase != GroundPhase::manual) {
     ++counters.not_flying;
     if (is_deliberate(*command.velocity, config_.controller))
       add_note(
@@ -360,19 +360,19 @@ bool FlightCore::done() const {
   if (stops_.pending()) return false;
   if (config_.manual) {
     return ending_ && std::ranges::none_of(drones_, [](const auto& d) {
-             return d->phases.in_air() || d->status.phase == DronePhase::landing;
+             return d->phases.in_air() || d->status.phase == GroundPhase::landing;
            });
   }
-  return std::ranges::all_of(drones_, [](const auto& d) { return d->status.phase >= DronePhase::landed; });
+  return std::ranges::all_of(drones_, [](const auto& d) { return d->status.phase >= GroundPhase::landed; });
 }
 
 bool FlightCore::ok() const {
   return std::ranges::all_of(drones_, [&](const auto& d) {
     // A person who flies by hand may end it by a stop as well, but not by a fall.
     if (config_.manual)
-      return d->status.phase != DronePhase::failed && !d->status.cut_in_air &&
+      return d->status.phase != GroundPhase::failed && !d->status.cut_in_air &&
              (d->status.why.empty() || is_landed_by_stop(d->status));
-    return d->status.finished && d->status.phase == DronePhase::landed && d->status.why.empty();
+    return d->status.finished && d->status.phase == GroundPhase::landed && d->status.why.empty();
   });
 }
 

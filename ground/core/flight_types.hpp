@@ -69,8 +69,8 @@ struct FlightConfig {
 /// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
 /// In a manual flight `manual` stands for the path, except while a pilot's path is flown (PilotOrder), and a take-off
 /// is possible whenever the drone is on the ground.
-enum class DronePhase { waiting, takeoff, path, manual, landing, landed, failed };
-std::string name_of(DronePhase phase);
+enum class GroundPhase { waiting, takeoff, path, manual, landing, landed, failed };
+std::string name_of(GroundPhase phase);
 
 /// One transaction to submit; its outcome comes back with the same id.
 struct Submission {
@@ -170,7 +170,7 @@ struct CommandCounters {
 };
 
 struct FlightStatus {
-  DronePhase phase = DronePhase::waiting;
+  GroundPhase phase = GroundPhase::waiting;
   bool finished = false;    ///< flew its whole path
   bool paused = false;      ///< manual: the rest of a path waits for its pilot's resume
   int lap = 0;              ///< the one it is in, from 1; 0 before the path
@@ -199,7 +199,7 @@ struct FlightStatus {
 
 /// Somebody's stop has landed it, and nothing else went wrong.
 inline bool is_landed_by_stop(const FlightStatus& status) {
-  return status.phase == DronePhase::landed && status.landed_by_stop;
+  return status.phase == GroundPhase::landed && status.landed_by_stop;
 }
 
 struct FlightTransactions {

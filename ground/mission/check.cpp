@@ -81,17 +81,17 @@ bool Check::check_presence(const MissionDrone& drone, const DroneNow& now) {
   const auto words = [&]() -> std::string {
     if (!now.seen) return "no state came from it";
     switch (now.phase) {
-      case DronePhase::takeoff:
+      case GroundPhase::takeoff:
         return "is taking off";
-      case DronePhase::path:
+      case GroundPhase::path:
         return "flies a path already";
-      case DronePhase::landing:
+      case GroundPhase::landing:
         return "is landing";
-      case DronePhase::manual:
+      case GroundPhase::manual:
         return now.on_ground ? "is on the ground, though it should hover" : "";
-      case DronePhase::waiting:
-      case DronePhase::landed:
-      case DronePhase::failed:
+      case GroundPhase::waiting:
+      case GroundPhase::landed:
+      case GroundPhase::failed:
         return now.on_ground ? "" : "is in the air, and not flown from here" + (now.why.empty() ? "" : ": " + now.why);
     }
     return "";
@@ -210,7 +210,7 @@ void Check::add_other(const DroneNow& now) {
     if (now.seen && !now.on_ground) add(now.name, {}, "has no part in it, is in the air, and nobody knows where");
     return;
   }
-  const bool rises = now.phase == DronePhase::takeoff || now.phase == DronePhase::landing;
+  const bool rises = now.phase == GroundPhase::takeoff || now.phase == GroundPhase::landing;
   const double low_m = rises ? 0 : now.at_m->z(),
                high_m = std::max(now.at_m->z(), rises ? config_.takeoff_height_m : 0);
   flown_.push_back({nullptr, now.name, {}, Corridor(now.at_m->head<2>(), low_m, std::max(low_m, high_m))});

@@ -15,7 +15,7 @@ namespace ledgerline::ground::mission {
 /// What a mission needs to know of a drone that flies here, as FlightCore has it now.
 struct DroneNow {
   std::string name;
-  DronePhase phase = DronePhase::waiting;
+  GroundPhase phase = GroundPhase::waiting;
   bool seen = false;       ///< a state came from it
   bool on_ground = false;  ///< as its newest state says
   bool paused = false;

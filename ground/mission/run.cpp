@@ -17,9 +17,9 @@ constexpr std::size_t max_approvals = 1'000;  // of all that were ever given for
 constexpr TimeNs again_ns = 300 * ns_per_ms;  // FlightCore takes an order at once, or refuses it
 constexpr std::size_t max_why = 300;          // bytes of a reason
 
-bool hovers(const DroneNow& seen) { return seen.phase == DronePhase::manual && !seen.on_ground; }
+bool hovers(const DroneNow& seen) { return seen.phase == GroundPhase::manual && !seen.on_ground; }
 bool is_down(const DroneNow& seen) {
-  return seen.phase == DronePhase::waiting || seen.phase == DronePhase::landed || seen.phase == DronePhase::failed;
+  return seen.phase == GroundPhase::waiting || seen.phase == GroundPhase::landed || seen.phase == GroundPhase::failed;
 }
 
 std::string with_why(const std::string& words, const DroneNow& seen) {
@@ -194,8 +194,8 @@ void MissionRun::observe(TimeNs now, std::size_t drone, const DroneNow& seen) {
     case Leg::ready:
     case Leg::halted:
       if (hovers(seen) && seen.paths == parts_[drone].paths) return;
-      return mark_lost(drone, seen.phase == DronePhase::path || hovers(seen) ? "somebody else flies it"
-                                                                             : with_why("it hovers no longer", seen));
+      return mark_lost(drone, seen.phase == GroundPhase::path || hovers(seen) ? "somebody else flies it"
+                                                                              : with_why("it hovers no longer", seen));
     case Leg::ordered:
     case Leg::flying:
       return observe_flying(now, drone, seen);
@@ -215,7 +215,7 @@ void MissionRun::observe_rising(TimeNs now, std::size_t drone, const DroneNow& s
     part.paths = seen.paths;
   } else if (part.leg == Leg::standing) {
     return;
-  } else if (seen.phase == DronePhase::landing || seen.phase == DronePhase::path) {
+  } else if (seen.phase == GroundPhase::landing || seen.phase == GroundPhase::path) {
     mark_lost(drone, with_why("its take-off ended in " + name_of(seen.phase), seen));
   } else if (now - part.asked_ns > (is_down(seen) ? config_.order_ns : config_.takeoff_ns)) {
     mark_lost(drone, with_why("it did not take off", seen));
@@ -224,7 +224,7 @@ void MissionRun::observe_rising(TimeNs now, std::size_t drone, const DroneNow& s
 
 void MissionRun::observe_flying(TimeNs now, std::size_t drone, const DroneNow& seen) {
   Part& part = parts_[drone];
-  if (is_down(seen) && seen.phase != DronePhase::landed)
+  if (is_down(seen) && seen.phase != GroundPhase::landed)
     return mark_lost(drone, with_why("it is flown no longer", seen));
   if (seen.paths == part.paths) {
     if (!hovers(seen)) return mark_lost(drone, with_why("it is in " + name_of(seen.phase), seen));
@@ -236,8 +236,8 @@ void MissionRun::observe_flying(TimeNs now, std::size_t drone, const DroneNow& s
   const std::size_t count = mission_.drones[drone].waypoints.size();
   part.reached = std::min(count, part.begun_at + seen.reached);
   const bool at_end = part.reached == count;
-  if (seen.phase == DronePhase::path) return;
-  if (seen.phase == DronePhase::landing || seen.phase == DronePhase::landed) {
+  if (seen.phase == GroundPhase::path) return;
+  if (seen.phase == GroundPhase::landing || seen.phase == GroundPhase::landed) {
     if (!at_end || !mission_.drones[drone].land_behind) return mark_lost(drone, with_why("it lands", seen));
     part.leg = Leg::landing;
     return observe_end(drone, seen);
@@ -255,10 +255,10 @@ void MissionRun::observe_flying(TimeNs now, std::size_t drone, const DroneNow& s
 
 void MissionRun::observe_end(std::size_t drone, const DroneNow& seen) {
   Part& part = parts_[drone];
-  if (seen.phase == DronePhase::landed) {
+  if (seen.phase == GroundPhase::landed) {
     part.leg = Leg::landed;
     add_event(Level::info, name(drone), fmt::format("mission {}: it has landed", mission_.name));
-  } else if (seen.phase == DronePhase::waiting || seen.phase == DronePhase::failed) {
+  } else if (seen.phase == GroundPhase::waiting || seen.phase == GroundPhase::failed) {
     mark_lost(drone, with_why("it is flown no longer", seen));
   }
 }
@@ -274,7 +274,7 @@ void MissionRun::find(TimeNs now, std::size_t drone, const DroneNow& seen) {
     part.begun_at = part.reached;
   } else if (seen.seen && seen.on_ground) {
     DroneNow landed = seen;
-    landed.phase = DronePhase::landed;
+    landed.phase = GroundPhase::landed;
     part.leg == Leg::landing ? observe_end(drone, landed)
                              : mark_lost(drone, with_why("it was found on the ground", seen));
     part.found = true;
@@ -331,7 +331,7 @@ void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span
     one_waits = one_waits || waits;
     all_wait = all_wait && (waits || is_over(i) || part.leg == Leg::landing);
     if (paused_ && (part.leg == Leg::ordered || part.leg == Leg::flying) &&
-        drones[indices[i]].phase == DronePhase::path) {
+        drones[indices[i]].phase == GroundPhase::path) {
       commands_.push_back({.drone = indices[i], .pause = true});
     } else if (!paused_ && part.leg == Leg::ordered && now - part.ordered_ns >= again_ns) {
       // Its failsafe may have braked it for a moment; order_ns says when it is too late for the others.
@@ -379,8 +379,8 @@ void MissionRun::land_all() {
 void MissionRun::land(std::size_t drone, const DroneNow& seen, std::size_t index) {
   Part& part = parts_[drone];
   if (seen.seen && seen.on_ground) part.landing_due = false;
-  const bool is_flown = is_in_air(seen.phase) || (seen.phase == DronePhase::failed && !seen.on_ground);
-  if (!part.to_land || !seen.seen || !(is_flown || seen.on_ground || seen.phase == DronePhase::landing)) return;
+  const bool is_flown = is_in_air(seen.phase) || (seen.phase == GroundPhase::failed && !seen.on_ground);
+  if (!part.to_land || !seen.seen || !(is_flown || seen.on_ground || seen.phase == GroundPhase::landing)) return;
   part.to_land = false;
   if (is_flown) commands_.push_back({.drone = index, .land = true});
 }

@@ -306,7 +306,7 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
     drones.push_back(
         {{"name", core.drones()[i].name},
          {"finished", status.finished},
-         {"landed", status.phase == DronePhase::landed},
+         {"landed", status.phase == GroundPhase::landed},
          {"lap_s", status.lap_s},
          {"lap_m", status.lap_m},
          {"origin", status.origin_m},

@@ -79,7 +79,7 @@ void FlightObserver::on_plans(TimeNs now, TimeNs host_slept_ns, const std::vecto
   for (const Plan& plan : plans) {
     DroneObservation& observation = drones_[plan.drone - 1U];
     // From the first word on, however often it is said.
-    if (plan.action == PlanAction::land && observation.phase == FlightPhase::flying && observation.land_until_ns == 0)
+    if (plan.action == PlanAction::land && observation.phase == LinkPhase::flying && observation.land_until_ns == 0)
       observation.land_until_ns = now + from_seconds(link::SeparationSettings{}.landing_wait_s);
     if (plan.action != PlanAction::fly || plan.count == 0 || plan.count > max_setpoints) continue;
     const link::PlayoutSettings settings;
@@ -186,10 +186,10 @@ void FlightObserver::on_command_sent(TimeNs now, DroneNumber drone, std::string_
 void FlightObserver::on_trace(TimeNs now, const TraceRecord& record) {
   DroneObservation& observation = drones_[record.drone - 1U];
   if (record.kind == TraceKind::mode) {
-    observation.phase = static_cast<FlightPhase>(record.id);
+    observation.phase = static_cast<LinkPhase>(record.id);
     observation.mode = static_cast<FailsafeMode>(record.extra);
     observation.cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
-    if (observation.phase != FlightPhase::flying) observation.land_until_ns = 0;
+    if (observation.phase != LinkPhase::flying) observation.land_until_ns = 0;
     events_.push_back({now, WorldEvent::Kind::mode, record.drone - 1U, 0, {}});
   } else if (record.kind == TraceKind::command_applied) {
     events_.push_back(
@@ -199,7 +199,7 @@ void FlightObserver::on_trace(TimeNs now, const TraceRecord& record) {
 
 void FlightObserver::on_link_ended() {
   for (DroneObservation& observation : drones_) {
-    observation.phase = FlightPhase::disconnected;
+    observation.phase = LinkPhase::disconnected;
     observation.mode = FailsafeMode::none;
     observation.cause = FailsafeCause::none;
     observation.sent_until_ns = observation.land_until_ns = observation.made_room_ns = observation.plan_end_ns = 0;
@@ -228,7 +228,7 @@ void FlightObserver::end_step(TimeNs now, const sim::Simulator& sim, const groun
     observation.ground_phase = status.phase;
     observation.finished = status.finished;
     observation.lap = status.lap;
-    if (status.phase == ground::DronePhase::path)
+    if (status.phase == ground::GroundPhase::path)
       observation.off_path_m =
           ground->follower(i)->path().distance_m({observation.truth.position_m[0], observation.truth.position_m[1]});
   }

@@ -38,7 +38,7 @@ struct DroneObservation {
   std::string name;
   DroneNumber number = 0;
   sim::Truth truth;
-  FlightPhase phase = FlightPhase::disconnected;
+  LinkPhase phase = LinkPhase::disconnected;
   FailsafeMode mode = FailsafeMode::none;
   FailsafeCause cause = FailsafeCause::none;
   double sent_mps = 0;            ///< horizontal and vertical speed of the newest rc, together
@@ -50,7 +50,7 @@ struct DroneObservation {
   TimeNs plan_end_ns = 0;         ///< the latest of these three, the plan's by playout's margin now; 0: none
   std::uint64_t plans_given = 0;  ///< FLY plans that link was given
   std::optional<Pose> pose;       ///< newest that link was given, or estimated by onboard odometry
-  ground::DronePhase ground_phase = ground::DronePhase::waiting;
+  ground::GroundPhase ground_phase = ground::GroundPhase::waiting;
   bool finished = false;
   int lap = 0;                                   ///< 0 before the path
   std::optional<double> off_path_m;              ///< on its path: distance of the truth from it

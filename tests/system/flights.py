@@ -13,7 +13,7 @@ from fabric import FABRIC
 from trace_file import TraceKind
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
-FLYING = 3  # FlightPhase
+FLYING = 3  # LinkPhase
 NONE, HOLD = 0, 1  # FailsafeMode
 
 

@@ -48,7 +48,7 @@ std::vector<ModeChange> mode_changes(const std::vector<TraceRecord>& link, std::
   std::vector<ModeChange> all;
   for (const TraceRecord& r : link) {
     if (!is_of(r, TraceKind::mode, drone, begin_ns, end_ns)) continue;
-    all.push_back({to_seconds(r.t_ns - begin_ns), name_in<FlightPhase>(static_cast<double>(r.id)),
+    all.push_back({to_seconds(r.t_ns - begin_ns), name_in<LinkPhase>(static_cast<double>(r.id)),
                    name_in<FailsafeMode>(r.extra), name_in<FailsafeCause>(r.v[0])});
   }
   return all;

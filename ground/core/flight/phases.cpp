@@ -58,11 +58,11 @@ bool may_take_off(const StateSample& state, bool manual) {
   }
 }
 
-void Phases::enter(TimeNs now, DronePhase phase) {
+void Phases::enter(TimeNs now, GroundPhase phase) {
   status_.phase = phase;
   entered_ns_ = now;
   status_.paused = false;
-  if (phase != DronePhase::takeoff && phase != DronePhase::path) status_.planned.clear();
+  if (phase != GroundPhase::takeoff && phase != GroundPhase::path) status_.planned.clear();
 }
 
 void Phases::clear_why() {
@@ -71,33 +71,33 @@ void Phases::clear_why() {
 }
 
 void Phases::land(TimeNs now, const std::string& why, bool by_stop) {
-  if (status_.phase >= DronePhase::landing) return;
+  if (status_.phase >= GroundPhase::landing) return;
   end_path();
   if (status_.why.empty()) {
     status_.why = why;
     status_.landed_by_stop = by_stop;
   }
-  enter(now, status_.phase == DronePhase::waiting ? DronePhase::failed : DronePhase::landing);
+  enter(now, status_.phase == GroundPhase::waiting ? GroundPhase::failed : GroundPhase::landing);
 }
 
 Status Phases::land_by_pilot(TimeNs now, const std::string& why, bool by_stop) {
   // A flight along a path that waits would take off as soon as nothing speaks against it.
-  const bool waits_to_fly = status_.phase == DronePhase::waiting && !config_.manual;
+  const bool waits_to_fly = status_.phase == GroundPhase::waiting && !config_.manual;
   if (in_air() || waits_to_fly) land(now, why, by_stop);
-  if (status_.phase == DronePhase::failed && seen_.has_state && is_in_flight(seen_.state.phase))
-    enter(now, DronePhase::landing);
-  if (status_.phase != DronePhase::waiting) return done;
+  if (status_.phase == GroundPhase::failed && seen_.has_state && is_in_flight(seen_.state.phase))
+    enter(now, GroundPhase::landing);
+  if (status_.phase != GroundPhase::waiting) return done;
   const Status ready = check_ready(now);
   return ready ? Status(Error{"it is on the ground"}) : ready;
 }
 
 void Phases::end_path() {
-  if (status_.phase == DronePhase::path || status_.phase == DronePhase::manual)
+  if (status_.phase == GroundPhase::path || status_.phase == GroundPhase::manual)
     status_.path_ns[1] = seen_.state.stamp_ns;
 }
 
 void Phases::lease_changed(TimeNs now) {
-  if (config_.manual && status_.phase == DronePhase::waiting && lease_.may_command) clear_why();
+  if (config_.manual && status_.phase == GroundPhase::waiting && lease_.may_command) clear_why();
   if (!in_air()) return;
   if (is_stopped(lease_.stoppers)) {
     land(now, "stopped by " + stopper_names(lease_.stoppers), true);
@@ -108,13 +108,13 @@ void Phases::lease_changed(TimeNs now) {
                       : revoked_words(lease_);
     const bool ourselves = lease_.revoked && is_revoked(*lease_.record, to_message(config_.self));
     // Handed back, or held by another one who lets us command, its pilot flies it on.
-    enter(now, config_.manual && !ourselves ? DronePhase::waiting : DronePhase::failed);
+    enter(now, config_.manual && !ourselves ? GroundPhase::waiting : GroundPhase::failed);
   }
 }
 
 Status Phases::take_off(TimeNs now, bool ending) {
   Status ready = check_ready(now);
-  if (status_.phase == DronePhase::landing) ready = Error{"it is landing"};
+  if (status_.phase == GroundPhase::landing) ready = Error{"it is landing"};
   if (ending) ready = Error{"the flight is ending"};
   if (in_air()) ready = Error{"it is in the air"};
   if (!config_.manual) ready = Error{"it flies a path"};
@@ -126,23 +126,23 @@ Status Phases::take_off(TimeNs now, bool ending) {
   origin_known_ = check_pose(now).ok();
   asked_ns_ = seen_.state.stamp_ns;
   refused_before_ = seen_.state.cause == FailsafeCause::takeoff_refused_by_drone;
-  enter(now, DronePhase::takeoff);
+  enter(now, GroundPhase::takeoff);
   return done;
 }
 
 // Whether a pilot may do without a pose only link's config knows: it is asked, and what it makes of that is seen.
 Status Phases::check_takeoff(TimeNs now) {
   const StateSample& s = seen_.state;
-  const bool stands = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
+  const bool stands = s.phase == LinkPhase::on_ground || s.phase == LinkPhase::landed;
   const bool refused = s.cause == FailsafeCause::takeoff_refused_by_drone;
   refused_before_ = refused_before_ && refused;
-  if (status_.phase != DronePhase::takeoff || !config_.manual || flew_ || !stands) return done;
+  if (status_.phase != GroundPhase::takeoff || !config_.manual || flew_ || !stands) return done;
   if (refused && !refused_before_) {
-    enter(now, DronePhase::waiting);
+    enter(now, GroundPhase::waiting);
     return Error{words_for(s.cause)};
   }
   if (may_take_off(s, false) || s.arrived_ns - asked_ns_ < refused_for_ns) return done;
-  enter(now, DronePhase::waiting);
+  enter(now, GroundPhase::waiting);
   const bool of_pose = s.cause == FailsafeCause::pose_lost || s.cause == FailsafeCause::position_uncertain;
   return Error{fmt::format("link refuses it ({}{})", words_for(s.cause),
                            of_pose ? "; where its by_hand_without_pose is set a pilot does without" : "")};
@@ -159,33 +159,33 @@ bool Phases::settled() const {
 
 void Phases::advance(TimeNs now, TimeNs delay_ns) {
   const StateSample& s = seen_.state;
-  const bool grounded = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
+  const bool grounded = s.phase == LinkPhase::on_ground || s.phase == LinkPhase::landed;
   switch (status_.phase) {
-    case DronePhase::waiting:
+    case GroundPhase::waiting:
       return advance_waiting(now);
-    case DronePhase::takeoff:
+    case GroundPhase::takeoff:
       return advance_takeoff(now, delay_ns);
-    case DronePhase::path:
-    case DronePhase::manual:
+    case GroundPhase::path:
+    case GroundPhase::manual:
       return advance_flown(now);
-    case DronePhase::landing:
-      if (grounded && (flew_ || now - entered_ns_ > grounded_for_ns)) enter(now, DronePhase::landed);
+    case GroundPhase::landing:
+      if (grounded && (flew_ || now - entered_ns_ > grounded_for_ns)) enter(now, GroundPhase::landed);
       return;
-    case DronePhase::landed:
-    case DronePhase::failed:
+    case GroundPhase::landed:
+    case GroundPhase::failed:
       return;
   }
 }
 
 void Phases::advance_waiting(TimeNs now) {
   const StateSample& s = seen_.state;
-  const bool grounded = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
-  const bool flying = s.phase == FlightPhase::flying;
+  const bool grounded = s.phase == LinkPhase::on_ground || s.phase == LinkPhase::landed;
+  const bool flying = s.phase == LinkPhase::flying;
   if (config_.manual) {
     // Found in the air, it is held there: see takeoff.
     if (!flying || !check_ready(now)) return;
     origin_known_ = false;
-    enter(now, DronePhase::takeoff);
+    enter(now, GroundPhase::takeoff);
     return;
   }
   if (!lease_.may_command || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
@@ -193,15 +193,15 @@ void Phases::advance_waiting(TimeNs now) {
   status_.origin_m = {s.position_m[0], s.position_m[1]};
   if (const Status begun = planner_.begin_path(status_.origin_m, s.yaw_rad); !begun) {
     status_.why = begun.error().message;
-    enter(now, DronePhase::failed);
+    enter(now, GroundPhase::failed);
     return;
   }
-  enter(now, DronePhase::takeoff);
+  enter(now, GroundPhase::takeoff);
 }
 
 void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
   const StateSample& s = seen_.state;
-  if (s.phase != FlightPhase::flying) {
+  if (s.phase != LinkPhase::flying) {
     if (flew_) land(now, came_down(s, by_itself));
     return;
   }
@@ -209,11 +209,11 @@ void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
   flew_ = true;
   if (config_.manual) {
     status_.path_ns = {s.stamp_ns, 0};
-    enter(now, DronePhase::manual);
+    enter(now, GroundPhase::manual);
   } else if (settled()) {
     path_since_ns_ = status_.path_ns[0] = s.stamp_ns + delay_ns;
     planner_.start_path(path_since_ns_);
-    enter(now, DronePhase::path);
+    enter(now, GroundPhase::path);
   } else if (s.stamp_ns - settling_since_ns_ > config_.limits.settle_ns) {
     land(now,
          fmt::format("did not settle above where it took off within {:.0f} s", to_seconds(config_.limits.settle_ns)));
@@ -222,11 +222,11 @@ void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
 
 void Phases::advance_flown(TimeNs now) {
   const StateSample& s = seen_.state;
-  if (s.phase != FlightPhase::flying) {
+  if (s.phase != LinkPhase::flying) {
     land(now, came_down(s, by_itself));
   } else if (s.mode == FailsafeMode::land || s.mode == FailsafeMode::cut) {
     land(now, came_down(s, "its failsafe landed it"));
-  } else if (status_.phase == DronePhase::path) {
+  } else if (status_.phase == GroundPhase::path) {
     config_.manual ? advance_pilot_path(now) : advance_path(now);
   }
 }
@@ -248,7 +248,7 @@ void Phases::advance_path(TimeNs now) {
   }
   if (!status_.finished) return;
   end_path();
-  enter(now, DronePhase::landing);
+  enter(now, GroundPhase::landing);
 }
 
 void Phases::advance_pilot_path(TimeNs now) {
@@ -262,7 +262,7 @@ void Phases::advance_pilot_path(TimeNs now) {
   if (path.land_behind()) {
     land(now, "");
   } else {
-    enter(now, DronePhase::manual);
+    enter(now, GroundPhase::manual);
   }
 }
 
@@ -279,7 +279,7 @@ Status Phases::check_ready(TimeNs now) const {
   if (!lease_.may_command)
     return Error{lease_.holder ? "its lease is held by " + holder_words(lease_) : "nobody holds its lease"};
   if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return check_pose(now);
-  if (seen_.state.phase == FlightPhase::disconnected) return Error{"link does not reach it"};
+  if (seen_.state.phase == LinkPhase::disconnected) return Error{"link does not reach it"};
   if (is_in_flight(seen_.state.phase)) return done;
   if (!may_take_off(seen_.state, config_.manual))
     return Error{fmt::format("it may not take off ({})", words_for(seen_.state.cause))};
@@ -304,40 +304,40 @@ std::optional<std::string> Phases::check_time(TimeNs now) {
       land(now, checked.error().message);
       return std::nullopt;
     }
-    if (!checked && status_.phase == DronePhase::path) return abandon_path(now, checked.error().message);
+    if (!checked && status_.phase == GroundPhase::path) return abandon_path(now, checked.error().message);
   }
   switch (status_.phase) {
-    case DronePhase::waiting: {
+    case GroundPhase::waiting: {
       if (config_.manual || in_phase_ns <= config_.limits.wait_ns) return std::nullopt;
       const Status ready = check_ready(now);
       status_.why =
           fmt::format("{} within {:.0f} s", ready ? "it never was ready on the ground" : ready.error().message,
                       to_seconds(config_.limits.wait_ns));
-      enter(now, DronePhase::failed);
+      enter(now, GroundPhase::failed);
       return std::nullopt;
     }
-    case DronePhase::takeoff:
+    case GroundPhase::takeoff:
       if (in_phase_ns > config_.limits.takeoff_ns)
         land(now, fmt::format("did not take off within {:.0f} s", to_seconds(config_.limits.takeoff_ns)));
       return std::nullopt;
-    case DronePhase::path:
+    case GroundPhase::path:
       if (in_phase_ns > path_limit_ns()) {
         const std::string late = fmt::format("did not finish its path within {:.0f} s", to_seconds(path_limit_ns()));
         if (config_.manual) return abandon_path(now, late);
         land(now, late);
       }
       return std::nullopt;
-    case DronePhase::landing:
+    case GroundPhase::landing:
       if (in_phase_ns > config_.limits.landing_ns) {
         const std::string silent =
             fmt::format("was not seen to land within {:.0f} s", to_seconds(config_.limits.landing_ns));
         status_.why += (status_.why.empty() ? "" : "; ") + silent;
-        enter(now, DronePhase::failed);
+        enter(now, GroundPhase::failed);
       }
       return std::nullopt;
-    case DronePhase::manual:
-    case DronePhase::landed:
-    case DronePhase::failed:
+    case GroundPhase::manual:
+    case GroundPhase::landed:
+    case GroundPhase::failed:
       return std::nullopt;
   }
   return std::nullopt;
@@ -354,7 +354,7 @@ std::string Phases::silence_words(TimeNs now, TimeNs limit_ns) const {
 }
 
 std::string Phases::abandon_path(TimeNs now, const std::string& why) {
-  enter(now, DronePhase::manual);
+  enter(now, GroundPhase::manual);
   return fmt::format("{}: it hovers", why);
 }
 
@@ -369,7 +369,7 @@ Status Phases::apply_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns)
       return named("no path: ", taken);
     case PilotOrder::Kind::resume:
       if (taken && !status_.paused)
-        taken = Error{status_.phase == DronePhase::path ? "it flies its path" : "no path of it is paused"};
+        taken = Error{status_.phase == GroundPhase::path ? "it flies its path" : "no path of it is paused"};
       if (taken)
         taken = fly_checked(now, planner_.pilot_path()->rest(), planner_.pilot_path()->land_behind(), delay_ns);
       return named("no resume: ", taken);
@@ -388,11 +388,11 @@ Status Phases::apply_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns)
 
 Status Phases::pause_path(TimeNs now) {
   Status flying = check_flying(now);
-  if (flying && status_.phase != DronePhase::path)
+  if (flying && status_.phase != GroundPhase::path)
     flying = Error{status_.paused ? "it is paused already" : "it flies no path"};
   if (!flying) return named("no pause: ", flying);
   auto planned = std::move(status_.planned);
-  enter(now, DronePhase::manual);
+  enter(now, GroundPhase::manual);
   status_.planned = std::move(planned);
   status_.paused = true;
   return done;
@@ -401,16 +401,16 @@ Status Phases::pause_path(TimeNs now) {
 Status Phases::check_flying(TimeNs now) const {
   if (!config_.manual) return Error{"it flies the path of its flight"};
   switch (status_.phase) {
-    case DronePhase::path:
-    case DronePhase::manual:
+    case GroundPhase::path:
+    case GroundPhase::manual:
       return done;
-    case DronePhase::takeoff:
+    case GroundPhase::takeoff:
       return Error{"it is still taking off"};
-    case DronePhase::landing:
+    case GroundPhase::landing:
       return Error{"it is landing"};
-    case DronePhase::waiting:
-    case DronePhase::landed:
-    case DronePhase::failed:
+    case GroundPhase::waiting:
+    case GroundPhase::landed:
+    case GroundPhase::failed:
       break;
   }
   const Status ready = check_ready(now);
@@ -439,7 +439,7 @@ Status Phases::fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behin
   status_.progress = 0;
   status_.reached = 0;
   ++status_.paths;
-  enter(now, DronePhase::path);
+  enter(now, GroundPhase::path);
   return done;
 }
 

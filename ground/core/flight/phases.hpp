@@ -6,9 +6,9 @@
 
 namespace ledgerline::ground {
 
-constexpr bool is_in_air(DronePhase phase) { return phase >= DronePhase::takeoff && phase <= DronePhase::manual; }
+constexpr bool is_in_air(GroundPhase phase) { return phase >= GroundPhase::takeoff && phase <= GroundPhase::manual; }
 /// Or on its way down.
-constexpr bool is_flown(DronePhase phase) { return is_in_air(phase) || phase == DronePhase::landing; }
+constexpr bool is_flown(GroundPhase phase) { return is_in_air(phase) || phase == GroundPhase::landing; }
 
 /// On the ground link reports what forbids a take-off. It reports a stop until the next take-off command; the ledger
 /// decides whether that is allowed.
@@ -68,7 +68,7 @@ class Phases {
   void end_path();
   void clear_why();
   TimeNs path_limit_ns() const;
-  void enter(TimeNs now, DronePhase phase);
+  void enter(TimeNs now, GroundPhase phase);
 
   const FlightConfig& config_;
   const Lease& lease_;

@@ -79,23 +79,23 @@ void Planner::observe(bool same_boot) {
     first_setpoint_ns_ = 0;
     manual_ = ManualController(config_.controller, config_.cmd_timeout_ns);
   }
-  if (seen_.state.phase != FlightPhase::flying) return;
+  if (seen_.state.phase != LinkPhase::flying) return;
   if (follower_) follower_->observe(seen_.state);
-  if (pilot_path_ && status_.phase == DronePhase::path) pilot_path_->observe(*follower_, seen_.state);
+  if (pilot_path_ && status_.phase == GroundPhase::path) pilot_path_->observe(*follower_, seen_.state);
 }
 
 bool Planner::needs_plan() const {
-  const DronePhase phase = status_.phase;
+  const GroundPhase phase = status_.phase;
   const StateSample& state = seen_.state;
   if (!is_flown(phase) || !lease_.may_command) return false;
   // What is done already is not asked for again: that plan would come too late to mean anything.
-  if (state.phase == FlightPhase::landing && phase == DronePhase::landing) return false;
-  if (state.phase == FlightPhase::taking_off && phase == DronePhase::takeoff) return false;
+  if (state.phase == LinkPhase::landing && phase == GroundPhase::landing) return false;
+  if (state.phase == LinkPhase::taking_off && phase == GroundPhase::takeoff) return false;
   // Nor what link would refuse now.
-  if (state.phase != FlightPhase::flying && phase == DronePhase::takeoff && !may_take_off(state, config_.manual))
+  if (state.phase != LinkPhase::flying && phase == GroundPhase::takeoff && !may_take_off(state, config_.manual))
     return false;
   // Nor a path without a pose: link brakes, and a plan from nowhere would say nothing.
-  return state.phase != FlightPhase::flying || phase == DronePhase::landing || by_hand() || follower_->ready();
+  return state.phase != LinkPhase::flying || phase == GroundPhase::landing || by_hand() || follower_->ready();
 }
 
 std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing& timing) {
@@ -108,10 +108,10 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
   plan.set_boot_id(seen_.state.boot_id);
   plan.set_state_stamp_ns(seen_.state.stamp_ns);
   plan.set_epoch(lease_.epoch);
-  plan.set_body_frame(by_hand() && status_.phase != DronePhase::landing);
-  if (status_.phase == DronePhase::landing) {
+  plan.set_body_frame(by_hand() && status_.phase != GroundPhase::landing);
+  if (status_.phase == GroundPhase::landing) {
     plan.set_action(LAND);
-  } else if (seen_.state.phase != FlightPhase::flying) {
+  } else if (seen_.state.phase != LinkPhase::flying) {
     plan.set_action(TAKEOFF);
   } else {
     plan.set_action(FLY);
@@ -126,7 +126,7 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
       p->set_vz(setpoint.velocity_mps[2]);
       p->set_yaw_rate(setpoint.yaw_rate_radps);
     }
-    if (status_.phase == DronePhase::path && !config_.manual) count_laps(first_setpoint_ns_);
+    if (status_.phase == GroundPhase::path && !config_.manual) count_laps(first_setpoint_ns_);
     if (follower_) command.progress_m = follower_->progress_m();
     report();
   }

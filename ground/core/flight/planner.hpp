@@ -100,7 +100,7 @@ class Planner {
   Status make_follower(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin_m, double yaw_rad,
                        int laps);
   /// Flown in the drone's own frame, by velocities.
-  bool by_hand() const { return config_.manual && status_.phase != DronePhase::path; }
+  bool by_hand() const { return config_.manual && status_.phase != GroundPhase::path; }
   bool needs_plan() const;
   std::vector<Setpoint> setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing);
   void report();

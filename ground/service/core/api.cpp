@@ -423,11 +423,11 @@ std::string phase_problem(const PilotCommand& command, const ApiContext& known) 
   const bool needs_flight = command.order || command.pause;
   if (brings_down(command) || !(command.takeoff || needs_flight) || command.drone >= known.phases.size()) return "";
   const std::string& name = known.names[command.drone];
-  const DronePhase phase = known.phases[command.drone];
+  const GroundPhase phase = known.phases[command.drone];
   if (!known.manual) return name + " flies its flight's path: only a flight with shape = \"manual\" takes others";
-  if (phase == DronePhase::landing) return name + " is landing: wait until it is on the ground";
+  if (phase == GroundPhase::landing) return name + " is landing: wait until it is on the ground";
   if (command.takeoff && is_in_air(phase)) return name + " is in the air already: land it first";
-  if (phase == DronePhase::takeoff) return name + " is taking off: wait until it hovers";
+  if (phase == GroundPhase::takeoff) return name + " is taking off: wait until it hovers";
   if (is_in_air(phase)) return "";
   if (has(known.stopped, command.drone)) return name + " is stopped: clear the stop first";
   if (command.takeoff || has(known.aloft, command.drone)) return "";

@@ -87,7 +87,7 @@ struct BoardState {
   std::vector<std::size_t> stopped{};  ///< indexes of the drones that somebody has stopped
   std::vector<std::size_t> stopped_by_ground{};  ///< those that ground alone has stopped
   std::vector<LeaseState> leases{};              ///< of all drones
-  std::vector<DronePhase> phases{};              ///< of all drones
+  std::vector<GroundPhase> phases{};             ///< of all drones
 };
 
 /// What there is to know, as Board last reported it.
@@ -99,7 +99,7 @@ struct ApiContext {
   const FaultList* faults = nullptr;       ///< null: none are switched here
   std::span<const std::size_t> aloft{}, stopped{}, stopped_by_ground{};  ///< as in BoardState
   std::span<const LeaseState> leases{};                                  ///< as in BoardState; none: not known yet
-  std::span<const DronePhase> phases{};                                  ///< as in BoardState; none: not known yet
+  std::span<const GroundPhase> phases{};                                 ///< as in BoardState; none: not known yet
   bool manual = true;                                                    ///< else each drone flies its flight's path
   const mission::Fence* fence = nullptr;                                 ///< of paths; null: none is known
   double height_m = 1;                                                   ///< of waypoints without one

@@ -89,7 +89,7 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const double sigma_m = sigma_of(state);
   drone["sigma_m"] = sigma_m > 0 ? json(sigma_m) : json();
   drone["predicted"] = nullptr;
-  if (const PathController* own = core.controller(i); own && placed && status.phase == DronePhase::path) {
+  if (const PathController* own = core.controller(i); own && placed && status.phase == GroundPhase::path) {
     const Eigen::Vector3d ahead =
         own->predictor().until(state.stamp_ns + since_ns + core.delay_ns()).effect().position_m;
     drone["predicted"] = {ahead.x(), ahead.y(), ahead.z()};
@@ -163,12 +163,12 @@ void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vecto
   if (std::exchange(before.phase, status.phase) != status.phase) {
     // Landed because the ledger brings nothing of it: no failsafe's event comes, either.
     const bool is_silent =
-        status.phase == DronePhase::landing && now - core.intake(i).received_ns > core.config().limits.silence_ns;
-    const bool failed = status.phase == DronePhase::failed || is_silent;
+        status.phase == GroundPhase::landing && now - core.intake(i).received_ns > core.config().limits.silence_ns;
+    const bool failed = status.phase == GroundPhase::failed || is_silent;
     const Level level = failed ? Level::alarm : status.why.empty() ? Level::info : Level::warning;
     add(now, level, name, name_of(status.phase) + (status.why.empty() ? "" : ": " + status.why), events);
   }
-  const bool reached = state.phase != FlightPhase::disconnected;
+  const bool reached = state.phase != LinkPhase::disconnected;
   if (std::exchange(before.reached, reached) != reached)
     add(now, reached ? Level::info : Level::alarm, name, reached ? "link reaches it" : "link does not reach it",
         events);

@@ -96,7 +96,7 @@ class Board {
  private:
   static constexpr double uncertain_m = 0.5;  ///< three sigma of a position, where it is first warned of
   struct Before {
-    DronePhase phase = DronePhase::waiting;
+    GroundPhase phase = GroundPhase::waiting;
     FailsafeMode mode = FailsafeMode::none;
     FailsafeCause cause = FailsafeCause::none;
     bool reached = false, silent = false;

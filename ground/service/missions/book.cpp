@@ -240,7 +240,7 @@ std::vector<mission::DroneNow> MissionBook::drones_for(const Entry& entry, std::
     const Lease& lease = core.lease(i);
     // Without a record nothing is known yet: after a restart it is waited for.
     if (!lease.record || (lease.holder == whose(entry.by) && lease.commander == core.config().self)) continue;
-    drones[i].phase = DronePhase::failed;
+    drones[i].phase = GroundPhase::failed;
     drones[i].on_ground = true;  // it is not ours to land
     drones[i].why = "its lease is " + (lease.holder ? "held by " + holder_words(lease) : "nobody's");
   }

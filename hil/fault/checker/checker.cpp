@@ -121,7 +121,7 @@ void Invariants::check_order(const Moment& moment) {
     const bool handed = event.kind == WorldEvent::Kind::handed;
     const DroneObservation& observation = moment.drones[event.drone];
     // Else it may be a stop, whose sequence is nobody's.
-    const bool applied = event.kind == WorldEvent::Kind::applied && observation.phase == FlightPhase::flying &&
+    const bool applied = event.kind == WorldEvent::Kind::applied && observation.phase == LinkPhase::flying &&
                          observation.mode < FailsafeMode::land;
     if ((!handed && !applied) || event.sequence == 0) continue;
     std::uint64_t& newest = handed ? drones_[event.drone].handed : drones_[event.drone].applied;
@@ -210,8 +210,7 @@ void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
   const DroneObservation& observation = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
-  const bool is_lost =
-      moment.link_runs && observation.phase == FlightPhase::disconnected && observation.truth.in_flight;
+  const bool is_lost = moment.link_runs && observation.phase == LinkPhase::disconnected && observation.truth.in_flight;
   const TimeNs lost_for =
       moment.now - since(is_lost && !excuse.deaf && !excuse.physical, moment.now, drone.lost_since_ns);
   const double speed = std::hypot(observation.truth.velocity_mps[0], observation.truth.velocity_mps[1]);
@@ -231,7 +230,7 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
   check_limits(moment, index);
   check_lost_link(moment, index);
 
-  const bool flies = moment.link_runs && observation.phase == FlightPhase::flying;
+  const bool flies = moment.link_runs && observation.phase == LinkPhase::flying;
   // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
   const bool rested = now - since(flies, now, drone.rested_since_ns) > 1'500 * ns_per_ms;
   check_ramp(moment, index, rested && !excuse_of(moment, index).spins);

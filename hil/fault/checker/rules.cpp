@@ -107,7 +107,7 @@ void was_done_by_all(RuleState& state, const Ending& ending) {
 void hold_after_plan(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneObservation& observation = of(sight, drone);
   const TimeNs since = sight.moment.now - observation.plan_end_ns;
-  if (sight.moment.link_runs && observation.phase == FlightPhase::flying && observation.plan_end_ns != 0 &&
+  if (sight.moment.link_runs && observation.phase == LinkPhase::flying && observation.plan_end_ns != 0 &&
       longer(since, state.verdict.rule.amount) && observation.mode == FailsafeMode::none)
     state.verdict.broke(sight.moment.now,
                         fmt::format("{}: {:.0f} ms after its plan's end no hold", observation.name, to_ms(since)));
@@ -214,7 +214,7 @@ void visited_all(RuleState& state, const Ending& ending) {
 
 void estimate(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneObservation& observation = of(sight, drone);
-  if (!observation.pose || observation.phase != FlightPhase::flying) return;
+  if (!observation.pose || observation.phase != LinkPhase::flying) return;
   const double off = distance_m(observation.pose->position_m, observation.truth.position_m);
   check_measure(state, sight, drone, off, off > state.verdict.rule.amount, "m off");
 }

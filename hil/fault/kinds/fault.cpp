@@ -22,17 +22,17 @@ bool Trigger::reached(TimeNs now, const DroneObservation& drone) const {
     case Kind::takeoff:
       return drone.truth.in_flight;
     case Kind::flying:
-      return drone.phase == FlightPhase::flying;
+      return drone.phase == LinkPhase::flying;
     case Kind::path:
-      return drone.ground_phase == ground::DronePhase::path;
+      return drone.ground_phase == ground::GroundPhase::path;
     case Kind::lap:
       return drone.lap >= static_cast<int>(value);
     case Kind::height:
       return drone.truth.position_m[2] >= value;
     case Kind::landing:
-      return drone.phase == FlightPhase::landing;
+      return drone.phase == LinkPhase::landing;
     case Kind::landed:
-      return drone.phase == FlightPhase::landed;
+      return drone.phase == LinkPhase::landed;
   }
   return false;
 }

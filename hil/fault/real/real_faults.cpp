@@ -249,10 +249,10 @@ void RealFaults::signal_parts(const std::vector<std::pair<std::string, int>>& pa
 namespace {
 
 // For triggers: there is no link to say it.
-FlightPhase phase_by_truth(const DroneObservation& drone) {
-  if (on_course(drone.truth)) return FlightPhase::flying;
+LinkPhase phase_by_truth(const DroneObservation& drone) {
+  if (on_course(drone.truth)) return LinkPhase::flying;
   if (!on_ground(drone.truth)) return drone.phase;
-  return is_in_flight(drone.phase) || drone.phase == FlightPhase::landed ? FlightPhase::landed : FlightPhase::on_ground;
+  return is_in_flight(drone.phase) || drone.phase == LinkPhase::landed ? LinkPhase::landed : LinkPhase::on_ground;
 }
 
 }  // namespace
@@ -291,12 +291,12 @@ void LiveObservation::read() {
   for (const TraceRecord& r : link_.read_new()) {
     if (begin_ns_ == 0) begin_ns_ = r.t_ns;
     if (DroneObservation* drone = of(r); drone && r.kind == TraceKind::mode)
-      drone->phase = static_cast<FlightPhase>(r.id);
+      drone->phase = static_cast<LinkPhase>(r.id);
   }
   for (const TraceRecord& r : ground_.read_new()) {
     DroneObservation* drone = of(r);
     if (!drone || r.kind != TraceKind::command_made || r.v[3] <= 0) continue;
-    drone->ground_phase = ground::DronePhase::path;
+    drone->ground_phase = ground::GroundPhase::path;
     drone->lap = 1 + static_cast<int>(r.v[3] / lap_m_[r.drone - 1u]);
   }
 }

@@ -84,7 +84,7 @@ class Player {
     drone->truth.crashed = r.extra == 2;
     drone->truth.battery = 1;
     drone->off_path_m.reset();
-    if (on_path_ ? drone->ground_phase == ground::DronePhase::path && drone->phase == FlightPhase::flying
+    if (on_path_ ? drone->ground_phase == ground::GroundPhase::path && drone->phase == LinkPhase::flying
                  : on_course(drone->truth))
       drone->off_path_m = paths_[r.drone - 1u].distance_m({at[0], at[1]});
   }
@@ -94,11 +94,11 @@ class Player {
     if (!drone) return;
     const std::size_t index = r.drone - 1u;
     if (r.kind == TraceKind::mode) {
-      drone->phase = static_cast<FlightPhase>(r.id);
+      drone->phase = static_cast<LinkPhase>(r.id);
       drone->mode = static_cast<FailsafeMode>(r.extra);
       drone->cause = static_cast<FailsafeCause>(static_cast<int>(r.v[0]));
       // A landing of the failsafe is steered until there is room below it.
-      if (drone->phase == FlightPhase::flying && drone->mode == FailsafeMode::land)
+      if (drone->phase == LinkPhase::flying && drone->mode == FailsafeMode::land)
         drone->plan_end_ns = r.t_ns - begin_ns_ + from_seconds(link::SeparationSettings{}.landing_wait_s);
       events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0, mode_text(*drone)});
     } else if (r.kind == TraceKind::state_sampled && std::isfinite(r.v[0])) {
@@ -127,7 +127,7 @@ class Player {
     if (!drone || r.kind != TraceKind::command_made) return;
     const double length_m = paths_[r.drone - 1u].length_m();
     const bool on_path = r.v[3] > 0 && r.v[3] < drone->laps * length_m;
-    drone->ground_phase = on_path ? ground::DronePhase::path : ground::DronePhase::waiting;
+    drone->ground_phase = on_path ? ground::GroundPhase::path : ground::GroundPhase::waiting;
     if (on_path) drone->lap = 1 + static_cast<int>(r.v[3] / length_m);
   }
 
@@ -228,9 +228,9 @@ std::vector<std::string> transitions_of(const RunResult& run, std::size_t drone)
   std::vector<std::string> texts;
   for (const WorldEvent& event : run.events) {
     if (event.kind != WorldEvent::Kind::mode || event.drone != drone) continue;
-    if (texts.empty() && !event.text.starts_with(name(FlightPhase::taking_off))) continue;
+    if (texts.empty() && !event.text.starts_with(name(LinkPhase::taking_off))) continue;
     if (texts.empty() || texts.back() != event.text) texts.push_back(event.text);
-    if (event.text.starts_with(name(FlightPhase::landed))) break;
+    if (event.text.starts_with(name(LinkPhase::landed))) break;
   }
   return texts;
 }

@@ -81,7 +81,7 @@ void MetricRecorder::observe_drone(const DroneObservation& observation, OfDrone&
   speed_max_mps_ = std::max(speed_max_mps_, length_of(observation.truth.velocity_mps));
   if (observation.truth.in_flight)
     beyond_fence_m_ = std::max(beyond_fence_m_, beyond_m(limits_, observation.truth.position_m));
-  if (observation.phase == FlightPhase::flying) {
+  if (observation.phase == LinkPhase::flying) {
     flying_ns_ += passed_ns;
     if (observation.pose) {
       const double off = distance_m(observation.pose->position_m, observation.truth.position_m);

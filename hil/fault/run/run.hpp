@@ -21,7 +21,7 @@ struct TimelinePoint {
   TimeNs t_ns = 0;
   std::array<float, 3> at_m{}, estimated_m{};  ///< the truth; link's estimate
   float sent_mps = 0;
-  FlightPhase phase{};
+  LinkPhase phase{};
   FailsafeMode mode{};
   FailsafeCause cause{};
   std::uint8_t lap = 0;

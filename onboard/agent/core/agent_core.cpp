@@ -98,7 +98,7 @@ void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, Drone& drone,
     const bool obeyed = grounded ? link_has_stop
                         : plan->action == PlanAction::cut
                             ? sample.mode == FailsafeMode::cut
-                            : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
+                            : sample.mode >= FailsafeMode::land || sample.phase == LinkPhase::landing;
     if (grounded && link_has_stop) check_.control().on_landed(sample.drone);
     if (obeyed) return;
   } else {

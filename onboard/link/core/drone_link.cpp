@@ -71,7 +71,7 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
   if (!is_contract_action(plan.action)) reporting_.record_arrival(at.now, plan);
   const bool flies = plan.action == PlanAction::fly;
   // One that a brake drops counts all the same: by hand it may end.
-  if (flies && session_.phase() == FlightPhase::flying) setpoints_.set_by_hand(plan.body_frame);
+  if (flies && session_.phase() == LinkPhase::flying) setpoints_.set_by_hand(plan.body_frame);
   const DropReason reason = flies ? may_follow(at, plan) : obey(at, plan);
   if (reason != DropReason::none) {
     admission_.record_end(plan, reason);
@@ -87,7 +87,7 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
 DropReason DroneLink::may_follow(const LinkMoment& at, const Plan& plan) const noexcept {
   if (plan.state_stamp_ns < at.not_before_ns) return DropReason::too_old;
   const bool follows = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold;
-  const bool flying = session_.phase() == FlightPhase::flying && !orders_.is_landing_requested();
+  const bool flying = session_.phase() == LinkPhase::flying && !orders_.is_landing_requested();
   return flying && follows && at.healthy ? DropReason::none : DropReason::not_flying;
 }
 
@@ -114,8 +114,8 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
 }
 
 DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept {
-  const FlightPhase phase = session_.phase();
-  const bool is_up = phase == FlightPhase::taking_off || phase == FlightPhase::flying;
+  const LinkPhase phase = session_.phase();
+  const bool is_up = phase == LinkPhase::taking_off || phase == LinkPhase::flying;
   if (is_up && !orders_.is_landing_requested()) return DropReason::none;
   if (const DropReason reason = orders_.takeoff_refusal(plan); reason != DropReason::none) return reason;
   update_inputs(at, {});
@@ -194,7 +194,7 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   obey_failsafe(now);
   if (orders_.is_landing_requested() && !should_delay_landing(at)) session_.request_land(now);
   if (orders_.is_landing_requested()) setpoint = setpoints_.desired(now, true);
-  if (session_.phase() == FlightPhase::flying) fly(at, setpoint);
+  if (session_.phase() == LinkPhase::flying) fly(at, setpoint);
   send_commands(at);
   watch_phase(at);
   reporting_.record_transition(at, session_.phase(), failsafe_);
@@ -252,13 +252,13 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
 }
 
 void DroneLink::watch_phase(const LinkMoment& at) noexcept {
-  const FlightPhase phase = session_.phase();
+  const LinkPhase phase = session_.phase();
   if (phase != last_phase_) {
     orders_.on_phase(at.now, last_phase_, phase);
     position_.on_phase(phase);
     setpoints_.on_phase(at.now, phase);
     // It may hover a hand above the ground, and goes on with the last rc of a link that is gone.
-    if (last_phase_ == FlightPhase::disconnected && phase == FlightPhase::on_ground) setpoints_.send_zero(at);
+    if (last_phase_ == LinkPhase::disconnected && phase == LinkPhase::on_ground) setpoints_.send_zero(at);
     last_phase_ = phase;
   }
   reporting_.record_mode(at, phase, failsafe_);
@@ -275,7 +275,7 @@ bool DroneLink::should_delay_landing(const LinkMoment& at) const noexcept {
 }
 
 bool DroneLink::makes_room() const noexcept {
-  return session_.phase() == FlightPhase::flying && (orders_.is_landing_requested() || steps_aside());
+  return session_.phase() == LinkPhase::flying && (orders_.is_landing_requested() || steps_aside());
 }
 
 bool DroneLink::is_too_near() const noexcept {
@@ -287,11 +287,11 @@ bool DroneLink::is_too_near() const noexcept {
 }
 
 Neighbour::Kind DroneLink::kind_as_neighbour(bool is_steered) const noexcept {
-  const bool sinks = session_.phase() == FlightPhase::landing || failsafe_.mode == FailsafeMode::cut ||
+  const bool sinks = session_.phase() == LinkPhase::landing || failsafe_.mode == FailsafeMode::cut ||
                      (failsafe_.mode == FailsafeMode::land && !orders_.is_landing_requested());
   if (!session_.is_possibly_in_flight()) return Neighbour::Kind::standing;
   if (sinks) return Neighbour::Kind::sinking;
-  if (session_.phase() == FlightPhase::taking_off) return Neighbour::Kind::rising;
+  if (session_.phase() == LinkPhase::taking_off) return Neighbour::Kind::rising;
   return is_steered ? Neighbour::Kind::steered : Neighbour::Kind::held;
 }
 
@@ -303,7 +303,7 @@ std::optional<Neighbour> DroneLink::as_neighbour(TimeNs now) noexcept {
   if (sigma_m > max_sigma_m) return std::nullopt;
   if (!session_.is_possibly_in_flight() && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return std::nullopt;
   const Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.is_landing_requested());
-  const bool flying = session_.phase() == FlightPhase::flying;
+  const bool flying = session_.phase() == LinkPhase::flying;
   const bool steered = flying && (orders_.is_landing_requested() || follows_plan(failsafe_.mode, setpoint.valid));
   Neighbour out{.number = number_,
                 .kind = kind_as_neighbour(steered),

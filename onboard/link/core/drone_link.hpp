@@ -93,7 +93,7 @@ class DroneLink {
   FailsafeState failsafe_;
   FailsafeInputs inputs_;
   DroneReporting reporting_;
-  FlightPhase last_phase_ = FlightPhase::disconnected;
+  LinkPhase last_phase_ = LinkPhase::disconnected;
 };
 
 }  // namespace ledgerline::link

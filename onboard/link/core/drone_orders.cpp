@@ -10,21 +10,21 @@ DropReason DroneOrders::takeoff_refusal(const Plan& plan) const noexcept {
 }
 
 DropReason DroneOrders::land(TimeNs now) noexcept {
-  if (session_.phase() == FlightPhase::disconnected && !session_.may_be_airborne()) return DropReason::not_flying;
+  if (session_.phase() == LinkPhase::disconnected && !session_.may_be_airborne()) return DropReason::not_flying;
   session_.land_again(now, LostLinkProtocol::Requester::holder);
   request_landing(now);
   return DropReason::none;
 }
 
 void DroneOrders::request_landing(TimeNs now) noexcept {
-  if (session_.phase() == FlightPhase::flying) {
+  if (session_.phase() == LinkPhase::flying) {
     if (!is_landing_requested()) landing_requested_ns_ = now;  // the step sends it, this one where nobody is below
   } else {
     session_.request_land(now);
   }
 }
 
-void DroneOrders::on_phase(TimeNs now, FlightPhase before, FlightPhase phase) noexcept {
+void DroneOrders::on_phase(TimeNs now, LinkPhase before, LinkPhase phase) noexcept {
   landing_requested_ns_ = 0;
   if (is_in_flight(before) && !is_in_flight(phase)) takeoff_after_ns_ = now;
   if (!session_.is_possibly_in_flight()) cut_ = false;

@@ -32,7 +32,7 @@ class DroneOrders {
   void clear_local_stop() noexcept;
   /// What is cleared in the air counts from the ground on: a landing is never taken back. At every step.
   void forget_cleared_stops() noexcept;
-  void on_phase(TimeNs now, FlightPhase before, FlightPhase phase) noexcept;
+  void on_phase(TimeNs now, LinkPhase before, LinkPhase phase) noexcept;
 
   bool is_stopped() const noexcept { return stop_ || local_stop_; }
   bool is_stopped_locally() const noexcept { return local_stop_; }

@@ -52,7 +52,7 @@ void DroneReporting::record_ends(const LinkMoment& at, PlanAdmission& admission)
   admission.clear_ends();
 }
 
-void DroneReporting::record_mode(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept {
+void DroneReporting::record_mode(const LinkMoment& at, LinkPhase phase, const FailsafeState& failsafe) noexcept {
   if (phase == traced_.phase && failsafe.mode == traced_.mode && failsafe.cause == traced_.cause) return;
   traced_ = {phase, failsafe.mode, failsafe.cause};
   trace(at, {.kind = TraceKind::mode,
@@ -61,8 +61,7 @@ void DroneReporting::record_mode(const LinkMoment& at, FlightPhase phase, const 
              .v = {static_cast<double>(failsafe.cause)}});
 }
 
-void DroneReporting::record_transition(const LinkMoment& at, FlightPhase phase,
-                                       const FailsafeState& failsafe) noexcept {
+void DroneReporting::record_transition(const LinkMoment& at, LinkPhase phase, const FailsafeState& failsafe) noexcept {
   Transition& last = last_transition_;
   const FailsafeMode mode = failsafe.mode;
   const bool says_why =

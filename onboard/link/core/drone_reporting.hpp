@@ -75,7 +75,7 @@ struct DroneReport {
   Quantiles age_ms;     ///< at application: sent - the state's stamp
   bool heard = false;   ///< anything at all came from it
   bool landed = false;  ///< it flew and is on the ground again
-  FlightPhase phase = FlightPhase::disconnected;
+  LinkPhase phase = LinkPhase::disconnected;
 };
 
 /// What others get to know of one drone: its transitions until they are on the ledger, its samples, what its trace
@@ -97,9 +97,9 @@ class DroneReporting {
                        const Velocity& sent) noexcept;
   /// Plans that ended unflown since the last call.
   void record_ends(const LinkMoment& at, PlanAdmission& admission) noexcept;
-  void record_mode(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept;
+  void record_mode(const LinkMoment& at, LinkPhase phase, const FailsafeState& failsafe) noexcept;
   /// Once a step: logs what changed, and sends what agent should take next.
-  void record_transition(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept;
+  void record_transition(const LinkMoment& at, LinkPhase phase, const FailsafeState& failsafe) noexcept;
   void record_serial(const LinkMoment& at, const SerialCheck& serial) noexcept;
   /// What it said that people are to read, once each.
   void record_words(const LinkMoment& at, const TelloSession& session) noexcept;
@@ -119,7 +119,7 @@ class DroneReporting {
   TransitionLog transitions_;
   Transition last_transition_;
   struct {
-    FlightPhase phase = FlightPhase::disconnected;
+    LinkPhase phase = LinkPhase::disconnected;
     FailsafeMode mode = FailsafeMode::none;
     FailsafeCause cause = FailsafeCause::none;
   } traced_;  ///< newest in the trace

@@ -69,11 +69,11 @@ void ClientWatch::on_answer(TimeNs now) noexcept {
   if (now - text_ns_ > away_ns && answered_ns_ <= text_ns_) answered_ns_ = now;
 }
 
-void DroneWatches::on_state(TimeNs now, const TelloState& state, FlightPhase phase) noexcept {
+void DroneWatches::on_state(TimeNs now, const TelloState& state, LinkPhase phase) noexcept {
   tilt.update(now, state);
   heat.update(state, is_in_flight(phase));
   client.on_text(now);
-  if (phase == FlightPhase::flying) {
+  if (phase == LinkPhase::flying) {
     battery.update(now, state.battery);
   } else {
     battery.reset();

@@ -111,7 +111,7 @@ struct DroneWatches {
   ClientWatch client;
 
   /// A state text that came at `now`.
-  void on_state(TimeNs now, const TelloState& state, FlightPhase phase) noexcept;
+  void on_state(TimeNs now, const TelloState& state, LinkPhase phase) noexcept;
 };
 
 }  // namespace ledgerline::link

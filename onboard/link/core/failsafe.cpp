@@ -174,18 +174,18 @@ bool velocity_lost(const Moment& at) {
 }
 // To hover is no way out: it feels no speed, so it glides on and drifts.
 bool dark(const Moment& at) {
-  return at.dark && at.inputs.phase == FlightPhase::flying &&
+  return at.dark && at.inputs.phase == LinkPhase::flying &&
          at.now - at.inputs.dark_since_ns >= at.settings.dark_land_after_ns;
 }
 bool position_uncertain(const Moment& at) { return at.position_uncertain; }
 bool check_failed(const Moment& at) { return at.inputs.check_failed; }
 bool sources_differ(const Moment& at) { return at.sources_differ; }
 bool sources_unresolved(const Moment& at) {
-  return at.inputs.sources_unresolved && at.inputs.needs_position && at.inputs.phase == FlightPhase::flying;
+  return at.inputs.sources_unresolved && at.inputs.needs_position && at.inputs.phase == LinkPhase::flying;
 }
-bool overturned(const Moment& at) { return at.inputs.overturned && at.inputs.phase != FlightPhase::disconnected; }
+bool overturned(const Moment& at) { return at.inputs.overturned && at.inputs.phase != LinkPhase::disconnected; }
 bool tilted(const Moment& at) { return at.inputs.tilted; }
-bool motion_differs(const Moment& at) { return at.inputs.motion_differs && at.inputs.phase == FlightPhase::flying; }
+bool motion_differs(const Moment& at) { return at.inputs.motion_differs && at.inputs.phase == LinkPhase::flying; }
 bool untrusted_holds(const Moment& at) { return at.untrusted(OnUntrustedLedger::hold); }
 bool agent_silent(const Moment& at) { return at.no_plan == FailsafeCause::agent_silent; }
 bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledger_silent; }
@@ -194,7 +194,7 @@ bool held_too_long(const Moment& at) {
   const TimeNs since = at.memory.hovering_since_ns;
   const bool brakes = at.has_cause_to_brake() || (at.memory.mode == FailsafeMode::brake && at.resting);
   const bool goes_on = brakes || at.no_plan != FailsafeCause::none;
-  return at.inputs.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
+  return at.inputs.phase == LinkPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
 }
 bool outside_fence(const Moment& at) { return at.memory.outside_ns == at.now; }
 bool too_near(const Moment& at) { return at.inputs.too_near; }
@@ -226,8 +226,8 @@ const FailsafeRow* row_in_force(const FailsafeState& memory) noexcept {
   return row == failsafe_table.end() ? nullptr : row;
 }
 
-bool is_considered(const FailsafeRow& row, FlightPhase phase) noexcept {
-  return row.mode >= FailsafeMode::land || phase == FlightPhase::flying;
+bool is_considered(const FailsafeRow& row, LinkPhase phase) noexcept {
+  return row.mode >= FailsafeMode::land || phase == LinkPhase::flying;
 }
 
 }  // namespace

@@ -8,7 +8,7 @@ namespace ledgerline::link {
 
 /// The failsafe's inputs at every step. Times are when something last came; 0: never.
 struct FailsafeInputs {
-  FlightPhase phase = FlightPhase::disconnected;
+  LinkPhase phase = LinkPhase::disconnected;
   bool may_be_airborne = false;  ///< disconnected, and not known to stand on the ground
   bool contact_lost = false;     ///< may_be_airborne, and every handshake failed or it is commanded to land
   TimeNs flying_since_ns = 0;

@@ -37,7 +37,7 @@ class LinkCore {
   bool all_landed_or_commanded() const noexcept;
   /// Drones that the local stop key keeps down. They must outlast this link: the code that ends it keeps them.
   DroneSet local_stops() const noexcept;
-  FlightPhase phase(DroneNumber drone) const noexcept {
+  LinkPhase phase(DroneNumber drone) const noexcept {
     return value_of(drone, [](const DroneLink& d) { return d.session().phase(); });
   }
   FailsafeMode mode(DroneNumber drone) const noexcept { return value_of(drone, &DroneLink::mode); }

@@ -60,7 +60,7 @@ Status Housekeeping::close() {
 void Housekeeping::log_mode(const TraceRecord& record) const {
   const auto mode = static_cast<FailsafeMode>(record.extra);
   const auto cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
-  const auto phase = static_cast<FlightPhase>(record.id);
+  const auto phase = static_cast<LinkPhase>(record.id);
   // On the ground a cause only says what a take-off waits for.
   const bool calm = cause == FailsafeCause::none || !is_in_flight(phase);
   spdlog::log(calm ? spdlog::level::info : spdlog::level::warn, "{}: {}, failsafe {} ({})", drone(record.drone).name,

@@ -42,7 +42,7 @@ class EventEntry final : public Entry {
     AgentOutputs out;
     StateSample state;
     state.drone = 1;
-    state.phase = FlightPhase::flying;
+    state.phase = LinkPhase::flying;
     state.boot_id = 9;
     state.sequence = 1;
     state.stamp_ns = stamp;

@@ -16,8 +16,8 @@ class Flying {
   Flying() : core_(config_for(2)) {
     (void)core_.set_control(control_record("tello1", operator_name).SerializeAsString());
     (void)core_.set_control(control_record("tello2", operator_name).SerializeAsString());
-    give("set", state(FlightPhase::on_ground, 0));
-    for (int i = 0; i < 3; ++i) give("set", state(FlightPhase::flying, 1));
+    give("set", state(LinkPhase::on_ground, 0));
+    for (int i = 0; i < 3; ++i) give("set", state(LinkPhase::flying, 1));
   }
 
   /// False: something went out that must not.
@@ -46,12 +46,12 @@ class Flying {
     return good;
   }
 
-  std::string state(FlightPhase phase, double height_m) {
+  std::string state(LinkPhase phase, double height_m) {
     SetCall call;
     add_state(call, "tello1", sample(phase, height_m));
     return call.SerializeAsString();
   }
-  StateSample sample(FlightPhase phase, double height_m) {
+  StateSample sample(LinkPhase phase, double height_m) {
     StateSample s;
     s.phase = phase;
     s.boot_id = 9;
@@ -63,7 +63,7 @@ class Flying {
 
   /// The drone's next state: still in the air, and it says of the newest plan when it came.
   StateSample next(StateSample s) {
-    s.phase = FlightPhase::flying;
+    s.phase = LinkPhase::flying;
     s.boot_id = 9;
     s.sequence = ++sequence_;
     s.arrived_sequence = newest_plan_;
@@ -71,7 +71,7 @@ class Flying {
   }
 
   const FlightCore& core() const { return core_; }
-  bool in_path() const { return core_.status(0).phase == DronePhase::path; }
+  bool in_path() const { return core_.status(0).phase == GroundPhase::path; }
 
  private:
   static bool flyable(const DronePlan& plan) {
@@ -97,7 +97,7 @@ class EventEntry final : public Entry {
   std::vector<std::string> seeds() override {
     if (name_ == "set") {
       SetCall call;
-      StateSample s = Flying().sample(FlightPhase::flying, 1);
+      StateSample s = Flying().sample(LinkPhase::flying, 1);
       s.sequence = 1'000'000;  // newer than what came before
       s.stamp_ns = s.pose_stamp_ns = 1'001 * ns_per_s;
       add_state(call, "tello1", s);
@@ -152,11 +152,11 @@ class EventEntry final : public Entry {
 class StateEntry final : public Entry {
  public:
   std::vector<std::string> seeds() override {
-    StateSample s = Flying().sample(FlightPhase::flying, 1);
+    StateSample s = Flying().sample(LinkPhase::flying, 1);
     s.boot_id = 10;
     s.sent_velocity_mps = {0.1F, 0.2F, 0.3F};
     StateSample grounded = s;
-    grounded.phase = FlightPhase::on_ground;
+    grounded.phase = LinkPhase::on_ground;
     StateSample late = s;
     late.arrived_ns = 1'000'000 * ns_per_s;
     return {link_status_to_cdr(s, 0), link_status_to_cdr(grounded, 0), link_status_to_cdr(late, 0)};
@@ -168,7 +168,7 @@ class StateEntry final : public Entry {
   Outcome feed(std::string_view bytes) override {
     if (++fed_ % 50 == 0 || !flying_ || !flying_->in_path()) flying_ = std::make_unique<Flying>();
     SetCall call;
-    add_state(call, "tello1", flying_->sample(FlightPhase::flying, 1));
+    add_state(call, "tello1", flying_->sample(LinkPhase::flying, 1));
     std::string& status = *call.mutable_assets(1)->mutable_msg_data();
     status = bytes;
     // In every second flight plans come, at whatever time that says.

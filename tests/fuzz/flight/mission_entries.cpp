@@ -72,7 +72,7 @@ class KeptEntry final : public Entry {
     std::vector<DroneNow> now = drones();
     for (DroneNow& drone : now) {
       drone.on_ground = false;
-      drone.phase = ground::DronePhase::manual;
+      drone.phase = ground::GroundPhase::manual;
     }
     for (int i = 1; i <= 5; ++i) {
       for (const ground::PilotCommand& command : run->step(i * ns_per_s, now).commands) {

@@ -11,7 +11,7 @@ namespace {
 
 StateSample sample() {
   StateSample s;
-  s.phase = FlightPhase::flying;
+  s.phase = LinkPhase::flying;
   s.boot_id = 77;
   s.sequence = 1234;
   s.stamp_ns = s.pose_stamp_ns = 55 * ns_per_s;
@@ -69,7 +69,7 @@ std::unique_ptr<Entry> link_status() {
 }
 
 std::unique_ptr<Entry> transitions() {
-  const Transition hold{.phase = FlightPhase::flying,
+  const Transition hold{.phase = LinkPhase::flying,
                         .mode = FailsafeMode::hold,
                         .cause = FailsafeCause::plan_ran_out,
                         .boot_id = 77,

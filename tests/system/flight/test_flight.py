@@ -84,7 +84,7 @@ def test_drones_finish_their_path_and_land(tmp_path, monkeypatch, drones, shape,
     assert_nothing_left()
 
 
-FLYING = 3  # FlightPhase
+FLYING = 3  # LinkPhase
 
 
 def taken_over(out: pathlib.Path, drones: range, commits_ns: list[int]) -> list[str]:

@@ -16,7 +16,7 @@ from fleet import OPERATOR, Fleet, memory_mb, summaries
 from running import cpu_s
 
 HOSTS, DRONES = 4, 16  # as many as a host may have
-AIRBORNE = {2, 3, 4}   # FlightPhase: taking off, flying, landing
+AIRBORNE = {2, 3, 4}   # LinkPhase: taking off, flying, landing
 NONE, HOLD, BRAKE, LAND, CUT = range(5)  # FailsafeMode
 STOPPED = 10           # FailsafeCause
 # What may bring a drone into a mode when nothing but time is short (docs/failsafe.md), by FailsafeCause: plan_ran_out,

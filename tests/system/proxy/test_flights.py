@@ -11,7 +11,7 @@ from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test,
 from proxies import tell
 from trace_file import TraceKind, records
 
-FLYING = 3  # FlightPhase
+FLYING = 3  # LinkPhase
 NONE, HOLD = 0, 1  # FailsafeMode
 TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
 

@@ -16,7 +16,7 @@ from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
-FLYING, LANDING = 3, 4  # FlightPhase
+FLYING, LANDING = 3, 4  # LinkPhase
 NONE, HOLD, LAND = 0, 1, 3  # FailsafeMode
 AGENT_SILENT = 3  # FailsafeCause
 LAND_AFTER_S, HOLD_GRACE_S = 5.0, 0.1  # onboard/link/core/settings.hpp

@@ -66,8 +66,8 @@ Velocity SetpointPath::apply_clearance(Velocity desired) const noexcept {
   return desired;
 }
 
-void SetpointPath::on_phase(TimeNs now, FlightPhase phase) noexcept {
-  if (phase == FlightPhase::flying) {
+void SetpointPath::on_phase(TimeNs now, LinkPhase phase) noexcept {
+  if (phase == LinkPhase::flying) {
     limiter_.reset(now);
     return;
   }

@@ -67,7 +67,7 @@ class SetpointPath {
   /// Another wants it out of the way.
   bool should_step_aside() const noexcept { return clearance_ && clearance_->kind == Clearance::Kind::give_way; }
 
-  void on_phase(TimeNs now, FlightPhase phase) noexcept;
+  void on_phase(TimeNs now, LinkPhase phase) noexcept;
   /// In every step that flies. True when it was sent something; then the caller may mark_applied().
   bool fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint, const Steering& steering) noexcept;
   /// Link is not healthy: one zero, since a drone goes on with its last rc; then silence (health_rest_ns).

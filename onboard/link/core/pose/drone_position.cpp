@@ -62,9 +62,9 @@ DronePosition::DronePosition(const DroneSettings& drone, const std::vector<PadSe
       failover_(drone.odometry_after_ns, drone.odometry.correction_mps),
       pads_(drone.source == PoseSource::pads ? pads : std::vector<PadSettings>{}) {}
 
-void DronePosition::on_state(TimeNs now, const TelloState& state, FlightPhase phase, bool stands,
+void DronePosition::on_state(TimeNs now, const TelloState& state, LinkPhase phase, bool stands,
                              const Velocity& sent) noexcept {
-  watch_flow(now, state, phase == FlightPhase::flying, sent);
+  watch_flow(now, state, phase == LinkPhase::flying, sent);
   drone_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
   TelloState usable = state;
   usable.has_velocity = state.has_velocity && !flow_watch_.is_blind();
@@ -72,7 +72,7 @@ void DronePosition::on_state(TimeNs now, const TelloState& state, FlightPhase ph
   for (const PadSettings& pad : pads_) {
     if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
-  if (uses_mocap(source_)) check_sources(now, state, phase == FlightPhase::flying);
+  if (uses_mocap(source_)) check_sources(now, state, phase == LinkPhase::flying);
   // Who stands while motion capture is missing may be carried away unnoticed.
   const bool stands_in = source_ == PoseSource::mocap_then_tello && failover_.is_missing(now) && is_in_flight(phase);
   if (!uses_mocap(source_) || stands_in) accept(now, odometry_.pose(), is_in_flight(phase));
@@ -92,9 +92,9 @@ void DronePosition::watch_flow(TimeNs now, const TelloState& state, bool flying,
   }
 }
 
-void DronePosition::on_phase(FlightPhase phase) noexcept {
+void DronePosition::on_phase(LinkPhase phase) noexcept {
   motion_watch_.reset();
-  if (phase == FlightPhase::flying) moved_m_ = {};
+  if (phase == LinkPhase::flying) moved_m_ = {};
 }
 
 TimeNs DronePosition::alone_since_ns(TimeNs now) const noexcept {

@@ -52,10 +52,10 @@ class DronePosition {
   DronePosition(const DroneSettings& drone, const std::vector<PadSettings>& pads, TimeNs pose_lost_ns);
 
   /// A state text that came at `now`. `stands`: it is seen on the ground; `sent`: its newest command.
-  void on_state(TimeNs now, const TelloState& state, FlightPhase phase, bool stands, const Velocity& sent) noexcept;
+  void on_state(TimeNs now, const TelloState& state, LinkPhase phase, bool stands, const Velocity& sent) noexcept;
   /// Of motion capture; ignored where that is not the source.
   void on_pose(TimeNs now, const Pose& pose, bool flies) noexcept;
-  void on_phase(FlightPhase phase) noexcept;
+  void on_phase(LinkPhase phase) noexcept;
   /// Time passed while it was sent this: the fence needs a position without a pose, too (agent died).
   void dead_reckon(double seconds, const Velocity& sent) noexcept;
   /// The clock stood still for so long while time passed.

@@ -20,16 +20,16 @@ constexpr float descent_m = 0.1F;
 
 }  // namespace
 
-void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
+void TelloSession::enter(TimeNs now, LinkPhase phase) noexcept {
   phase_ = phase;
   phase_since_ns_ = now;
   grounded_since_ns_ = aloft_since_ns_ = 0;
   if (is_in_flight(phase)) stands_ = false, down_since_ns_ = 0;
-  if (phase == FlightPhase::flying) {
+  if (phase == LinkPhase::flying) {
     has_flown_ = true;
     takeoff_refusal_ = {};
   }
-  if (phase == FlightPhase::disconnected) {
+  if (phase == LinkPhase::disconnected) {
     handshake_ok_ = false;
     pending_.end();
     lost_link_.seek();
@@ -37,14 +37,14 @@ void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
   }
 }
 
-void TelloSession::end_command(TimeNs now, FlightPhase phase) noexcept {
+void TelloSession::end_command(TimeNs now, LinkPhase phase) noexcept {
   pending_.end();
   enter(now, phase);
 }
 
 bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   const bool was_fresh = reported_.is_fresh(now);
-  if (!reported_.on_text(now, bytes, phase_ != FlightPhase::disconnected)) return false;
+  if (!reported_.on_text(now, bytes, phase_ != LinkPhase::disconnected)) return false;
   if (!was_fresh) down_since_ns_ = 0;  // who knows what it did meanwhile
   heard_ = true;
   if (reported_.is_airborne(now)) rising_until_ns_ = 0;
@@ -55,7 +55,7 @@ bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
 }
 
 bool TelloSession::request_pads_if_due(TimeNs now) noexcept {
-  const bool stands = phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed;
+  const bool stands = phase_ == LinkPhase::on_ground || phase_ == LinkPhase::landed;
   return stands && is_standing(now) && !pending_.is_pending() && serial_.allows_takeoff() &&
          pads_.request_if_due(now, state().pad);
 }
@@ -63,7 +63,7 @@ bool TelloSession::request_pads_if_due(TimeNs now) noexcept {
 void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
   const Answer answer = parse_answer(bytes);
   if (answer != Answer::unknown) heard_ = true;
-  if (answer == Answer::ok && phase_ == FlightPhase::disconnected) {
+  if (answer == Answer::ok && phase_ == LinkPhase::disconnected) {
     handshake_ok_ = true;  // whatever it answers: a Tello answers nothing before `command`
     return;
   }
@@ -77,9 +77,9 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
       if (answer == Answer::refused) {
         takeoff_not_before_ns_ = now + settings_.refused_pause_ns;
         takeoff_refusal_ = {now, Quote(without_line_end(bytes))};
-        end_command(now, reported_.is_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
+        end_command(now, reported_.is_airborne(now) ? LinkPhase::flying : LinkPhase::on_ground);
       } else if (reported_.is_airborne(now) || !reported_.is_fresh(now)) {
-        end_command(now, FlightPhase::flying);
+        end_command(now, LinkPhase::flying);
       } else {
         ++answers_unasked_;  // still seen on the ground: the answer to an earlier command
       }
@@ -89,7 +89,7 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
       [[fallthrough]];
     case PendingCommand::Kind::emergency:
       // A refusal changes nothing: the command goes out again until the drone is down.
-      if (answer == Answer::ok && !reported_.is_airborne(now)) end_command(now, FlightPhase::landed);
+      if (answer == Answer::ok && !reported_.is_airborne(now)) end_command(now, LinkPhase::landed);
       break;
     case PendingCommand::Kind::nothing:
       break;
@@ -97,30 +97,30 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
 }
 
 bool TelloSession::request_takeoff(TimeNs now) noexcept {
-  if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
+  if (phase_ != LinkPhase::on_ground && phase_ != LinkPhase::landed) return false;
   // A late refusal of `mon` would be taken for the take-off's.
   if (pads_.may_be_answered(now, settings_.answer_timeout_ns)) return false;
   if (now < takeoff_not_before_ns_ || pending_.is_pending() || !serial_.allows_takeoff()) return false;
   begin(now, PendingCommand::Kind::takeoff);
   rising_until_ns_ = now + settings_.takeoff_timeout_ns;
-  enter(now, FlightPhase::taking_off);
+  enter(now, LinkPhase::taking_off);
   return true;
 }
 
 void TelloSession::request_land(TimeNs now) noexcept {
   if (may_be_airborne()) lost_link_.land(now, LostLinkProtocol::Command::land);
-  if (phase_ != FlightPhase::flying && phase_ != FlightPhase::taking_off) return;
+  if (phase_ != LinkPhase::flying && phase_ != LinkPhase::taking_off) return;
   begin(now, PendingCommand::Kind::land);
-  enter(now, FlightPhase::landing);
+  enter(now, LinkPhase::landing);
 }
 
 void TelloSession::request_cut(TimeNs now) noexcept {
   if (may_be_airborne()) lost_link_.land(now, LostLinkProtocol::Command::emergency);
-  if (pending_.kind() == PendingCommand::Kind::emergency || phase_ == FlightPhase::disconnected) return;
-  if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) return;
+  if (pending_.kind() == PendingCommand::Kind::emergency || phase_ == LinkPhase::disconnected) return;
+  if (phase_ == LinkPhase::on_ground || phase_ == LinkPhase::landed) return;
   begin(now, PendingCommand::Kind::emergency);
   grounded_since_ns_ = 0;
-  if (phase_ != FlightPhase::landing) enter(now, FlightPhase::landing);
+  if (phase_ != LinkPhase::landing) enter(now, LinkPhase::landing);
 }
 
 void TelloSession::land_again(TimeNs now, LostLinkProtocol::Requester by) noexcept {
@@ -136,48 +136,48 @@ void TelloSession::connect(TimeNs now) noexcept {
   const bool down = reported_.is_grounded(now), lands = lost_link_.lands();
   const bool cut = lost_link_.command() == LostLinkProtocol::Command::emergency;
   // A link that starts again finds the drone where it is, maybe in the air. A landing is not taken back there.
-  enter(now, down ? FlightPhase::on_ground : lands ? FlightPhase::landing : FlightPhase::flying);
+  enter(now, down ? LinkPhase::on_ground : lands ? LinkPhase::landing : LinkPhase::flying);
   if (down || !lands) return;
   begin(now, cut ? PendingCommand::Kind::emergency : PendingCommand::Kind::land);
 }
 
 void TelloSession::watch_connection(TimeNs now) noexcept {
-  if (phase_ == FlightPhase::disconnected) {
+  if (phase_ == LinkPhase::disconnected) {
     if (handshake_ok_ && reported_.is_fresh(now)) connect(now);
-  } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
+  } else if (phase_ == LinkPhase::on_ground || phase_ == LinkPhase::landed) {
     if (now - std::max(reported_.at_ns(), phase_since_ns_) >= settings_.lost_after_ns)
-      enter(now, FlightPhase::disconnected);
+      enter(now, LinkPhase::disconnected);
   }
 }
 
 void TelloSession::watch_takeoff(TimeNs now) noexcept {
-  if (phase_ != FlightPhase::taking_off || now - phase_since_ns_ < settings_.takeoff_timeout_ns) return;
+  if (phase_ != LinkPhase::taking_off || now - phase_since_ns_ < settings_.takeoff_timeout_ns) return;
   // The answer is lost. What is seen decides; without sight it may be up, and flying is the phase that can land.
-  end_command(now, reported_.is_grounded(now) ? FlightPhase::on_ground : FlightPhase::flying);
+  end_command(now, reported_.is_grounded(now) ? LinkPhase::on_ground : LinkPhase::flying);
 }
 
 void TelloSession::watch_sight(TimeNs now) noexcept {
-  if (phase_ == FlightPhase::flying) {
+  if (phase_ == LinkPhase::flying) {
     if (!has_lasted(now, reported_.is_grounded(now), grounded_since_ns_, down_for_ns)) return;
     request_land(now);  // does no harm where the sight is wrong
-  } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
+  } else if (phase_ == LinkPhase::on_ground || phase_ == LinkPhase::landed) {
     if (!has_lasted(now, reported_.is_airborne(now) && state().tof_m > settings_.grounded_m, aloft_since_ns_,
                     aloft_for_ns))
       return;
-    end_command(now, FlightPhase::flying);
+    end_command(now, LinkPhase::flying);
   }
 }
 
 void TelloSession::watch_landing(TimeNs now) noexcept {
-  if (phase_ != FlightPhase::landing) return;
+  if (phase_ != LinkPhase::landing) return;
   // `land` is ignored during a take-off, which begins on the ground: seen there, it may yet rise.
   if (has_lasted(now, reported_.is_grounded(now) && now >= rising_until_ns_, grounded_since_ns_, grounded_for_ns)) {
-    end_command(now, FlightPhase::landed);
+    end_command(now, LinkPhase::landed);
     return;
   }
   if (now - std::max(reported_.at_ns(), phase_since_ns_) >= settings_.landing_lost_after_ns) {
     const bool cut = pending_.kind() == PendingCommand::Kind::emergency;
-    enter(now, FlightPhase::disconnected);
+    enter(now, LinkPhase::disconnected);
     lost_link_.begin_silence(now, cut ? LostLinkProtocol::Command::emergency : LostLinkProtocol::Command::land);
     return;
   }
@@ -190,9 +190,9 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   watch_sight(now);
   watch_landing(now);
   const bool rises = pending_.kind() == PendingCommand::Kind::takeoff;
-  LEDGERLINE_CHECK(!pending_.is_pending() || phase_ == (rises ? FlightPhase::taking_off : FlightPhase::landing),
+  LEDGERLINE_CHECK(!pending_.is_pending() || phase_ == (rises ? LinkPhase::taking_off : LinkPhase::landing),
                    "a pending command is of its phase", name(phase_));
-  if (phase_ == FlightPhase::disconnected) {
+  if (phase_ == LinkPhase::disconnected) {
     if (lost_link_.next_send(now, may_be_airborne(), out)) return true;
   } else {
     lost_link_.drop_commands();

@@ -103,9 +103,9 @@ class TelloSession {
   /// What is to be sent now, one command at a time; called until it returns false.
   bool next_send(TimeNs now, CommandText& out) noexcept;
 
-  FlightPhase phase() const noexcept { return phase_; }
+  LinkPhase phase() const noexcept { return phase_; }
   /// It is not connected, and was not seen standing on the ground last. So it is from link's start.
-  bool may_be_airborne() const noexcept { return phase_ == FlightPhase::disconnected && !stands_; }
+  bool may_be_airborne() const noexcept { return phase_ == LinkPhase::disconnected && !stands_; }
   /// It is in the air, or nobody knows that it is not.
   bool is_possibly_in_flight() const noexcept { return is_in_flight(phase_) || may_be_airborne(); }
   /// It may be airborne, and all handshakes failed, or it is already commanded to land.
@@ -132,9 +132,9 @@ class TelloSession {
   std::uint32_t answers_unasked() const noexcept { return answers_unasked_; }
 
  private:
-  void enter(TimeNs now, FlightPhase phase) noexcept;
+  void enter(TimeNs now, LinkPhase phase) noexcept;
   void begin(TimeNs now, PendingCommand::Kind kind) noexcept { pending_.begin(now, kind, state().height_m); }
-  void end_command(TimeNs now, FlightPhase phase) noexcept;
+  void end_command(TimeNs now, LinkPhase phase) noexcept;
   void watch_connection(TimeNs now) noexcept;
   void watch_takeoff(TimeNs now) noexcept;
   void watch_sight(TimeNs now) noexcept;
@@ -148,7 +148,7 @@ class TelloSession {
   PendingCommand pending_;
   SerialCheck serial_;
   PadRequest pads_;
-  FlightPhase phase_ = FlightPhase::disconnected;
+  LinkPhase phase_ = LinkPhase::disconnected;
   TimeNs phase_since_ns_ = 0;
   bool heard_ = false;
   bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to accept it

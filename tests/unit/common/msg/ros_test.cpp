@@ -134,7 +134,7 @@ TEST(Ros, BatteryComesBack) {
 
 StateSample sample_status() {
   StateSample s;
-  s.phase = FlightPhase::flying;
+  s.phase = LinkPhase::flying;
   s.mode = FailsafeMode::hold;
   s.cause = FailsafeCause::plan_ran_out;
   s.boot_id = 0x0123456789abcdef;
@@ -215,7 +215,7 @@ TEST(Ros, ALinkStatusOfBlocksWrittenBeforeIsRead) {
   for (const std::uint32_t value : {1, 2, 3}) out.put(value);
   for (const float value : {0.25F, -0.5F, 1.5F, 0.5F, -0.25F, 9.75F, 1.0F, 2.0F, 3.0F, 4.0F}) out.put(value);
   const StateSample got = state_from_cdr(out.release(), to_cdr(sample_odometry())).value().sample;
-  EXPECT_EQ(got.phase, FlightPhase::flying);
+  EXPECT_EQ(got.phase, LinkPhase::flying);
   EXPECT_EQ(got.boot_id, 7U);
   EXPECT_EQ(got.stamp_ns, 1'000);
   EXPECT_EQ(got.pose_stamp_ns, 990);
@@ -260,7 +260,7 @@ void expect_constants(const Definition& definition, const std::string& prefix) {
 
 TEST(Ros, LinkStatusHasTheFieldsOfItsDefinition) {
   const Definition definition = definition_of(LEDGERLINE_SOURCE "/common/msg/ledgerline_msgs/msg/LinkStatus.msg");
-  expect_constants<FlightPhase>(definition, "PHASE_");
+  expect_constants<LinkPhase>(definition, "PHASE_");
   expect_constants<FailsafeMode>(definition, "MODE_");
   expect_constants<FailsafeCause>(definition, "CAUSE_");
   const StateSample s = sample_status();
@@ -305,7 +305,7 @@ TEST(Ros, BytesOfAStateAreKnown) {
 }
 
 std::vector<Transition> sample_transitions() {
-  Transition hold{.phase = FlightPhase::flying,
+  Transition hold{.phase = LinkPhase::flying,
                   .mode = FailsafeMode::hold,
                   .cause = FailsafeCause::agent_silent,
                   .boot_id = UINT64_MAX - 1,
@@ -313,7 +313,7 @@ std::vector<Transition> sample_transitions() {
                   .lost = 2,
                   .stamp_ns = 77 * ns_per_s};
   Transition landed = hold;
-  landed.phase = FlightPhase::landed;
+  landed.phase = LinkPhase::landed;
   landed.mode = FailsafeMode::none;
   landed.cause = FailsafeCause::none;
   landed.number = 42;
@@ -324,14 +324,14 @@ TEST(Ros, TransitionsComeBackWholeAndInOrder) {
   const auto got = transitions_from_cdr(transitions_to_cdr({5, "tello1/base_link"}, "tello1", sample_transitions()));
   ASSERT_TRUE(got);
   ASSERT_EQ(got->size(), 2U);
-  EXPECT_EQ((*got)[0].phase, FlightPhase::flying);
+  EXPECT_EQ((*got)[0].phase, LinkPhase::flying);
   EXPECT_EQ((*got)[0].mode, FailsafeMode::hold);
   EXPECT_EQ((*got)[0].cause, FailsafeCause::agent_silent);
   EXPECT_EQ((*got)[0].boot_id, UINT64_MAX - 1);
   EXPECT_EQ((*got)[0].number, 41U);
   EXPECT_EQ((*got)[0].lost, 2U);
   EXPECT_EQ((*got)[0].stamp_ns, 77 * ns_per_s);
-  EXPECT_EQ((*got)[1].phase, FlightPhase::landed);
+  EXPECT_EQ((*got)[1].phase, LinkPhase::landed);
   EXPECT_EQ((*got)[1].number, 42U);
 }
 
@@ -371,8 +371,8 @@ TEST(Ros, EveryModeCauseAndPhaseHasANameOfItsOwn) {
   for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FailsafeMode::cut); ++i) {
     EXPECT_EQ(from_name<FailsafeMode>(name(static_cast<FailsafeMode>(i))), static_cast<FailsafeMode>(i));
   }
-  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(FlightPhase::landed); ++i) {
-    EXPECT_EQ(from_name<FlightPhase>(name(static_cast<FlightPhase>(i))), static_cast<FlightPhase>(i));
+  for (std::uint8_t i = 0; i <= static_cast<std::uint8_t>(LinkPhase::landed); ++i) {
+    EXPECT_EQ(from_name<LinkPhase>(name(static_cast<LinkPhase>(i))), static_cast<LinkPhase>(i));
   }
   EXPECT_FALSE(from_name<FailsafeMode>("unknown"));
 }

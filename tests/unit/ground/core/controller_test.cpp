@@ -52,7 +52,7 @@ PathController square_at(const Eigen::Vector2d& origin, double yaw_rad = 0) {
 
 StateSample hovering(TimeNs stamp_ns, const Eigen::Vector3d& at) {
   StateSample state;
-  state.phase = FlightPhase::flying;
+  state.phase = LinkPhase::flying;
   state.stamp_ns = state.pose_stamp_ns = stamp_ns;
   state.position_m = {at.x(), at.y(), at.z()};
   return state;

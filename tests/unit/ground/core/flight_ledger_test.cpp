@@ -33,7 +33,7 @@ class FlightByHand : public testing::Test {
     SetCall call;
     for (int k : drones) {
       StateSample sample;
-      sample.phase = FlightPhase::on_ground;
+      sample.phase = LinkPhase::on_ground;
       sample.boot_id = 9;
       sample.sequence = ++sequence;
       sample.stamp_ns = sample.pose_stamp_ns = now_ns;
@@ -49,7 +49,7 @@ class FlightByHand : public testing::Test {
     SetCall call;
     for (int k : drones) {
       StateSample sample;
-      sample.phase = FlightPhase::flying;
+      sample.phase = LinkPhase::flying;
       sample.boot_id = 9;
       sample.sequence = ++sequence;
       sample.stamp_ns = sample.pose_stamp_ns = now_ns;
@@ -174,7 +174,7 @@ TEST_F(FlightByHand, AfterAnInvalidatedCallTheNextPlanGoesOut) {
 TEST_F(FlightByHand, AStateSeenBeforeMakesNoSecondPlan) {
   SetCall call;
   StateSample sample;
-  sample.phase = FlightPhase::on_ground;
+  sample.phase = LinkPhase::on_ground;
   sample.sequence = 5;
   sample.stamp_ns = sample.pose_stamp_ns = now_ns;
   add_state(call, "tello1", sample);
@@ -240,7 +240,7 @@ TEST_F(FlightByHand, AnAlarmOfADronesAgentIsPublishedReportedAndCounted) {
 TEST_F(FlightByHand, InvalidTransactionsAndForeignAssetsAreNotListenedTo) {
   fabric::Transaction invalid = event("set", "");
   StateSample sample;
-  sample.phase = FlightPhase::on_ground;
+  sample.phase = LinkPhase::on_ground;
   sample.sequence = 5;
   sample.pose_stamp_ns = now_ns;
   SetCall call;
@@ -276,7 +276,7 @@ TEST_F(FlightByHand, AStopEndsTheFlightOfThatDroneAndItIsCommandedNoMore) {
   Stops stops;
   *stops.add_stops() = stop_of("tello1", {"Org1MSP", "CN=Supervisor"});
   (void)block(control_event("stop", {"tello1"}, stops.SerializeAsString()));
-  EXPECT_EQ(core.status(0).phase, DronePhase::landing);
+  EXPECT_EQ(core.status(0).phase, GroundPhase::landing);
   EXPECT_THAT(core.why(), HasSubstr("tello1: stopped by Org1MSP CN=Supervisor"));
   EXPECT_THAT(drones_in(call_of(states({1, 2}))), testing::ElementsAre("tello2"));
 }
@@ -294,7 +294,7 @@ TEST_F(FlightByHand, ALostLeaseIsAFailure) {
   Controls controls;
   *controls.add_controls() = control_record("tello1", outsider_name, 2);
   (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
-  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(core.why(), HasSubstr("lost its lease to CN=User1@org3"));
 }
 

@@ -39,11 +39,11 @@ bool is_zero(const PlannedSetpoint& s) { return s.vx() == 0 && s.vy() == 0 && s.
 TEST(ManualFlight, StandsOnTheGroundUntilItsPilotSaysTakeOff) {
   FlightWorld world(manual_config(1));
   world.run(60);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::waiting);
   EXPECT_TRUE(world.calls.empty());
   world.say(takeoff());
   world.run(5);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
   EXPECT_EQ(world.drones[0].plans.front().action(), TAKEOFF);
 }
 
@@ -51,7 +51,7 @@ TEST(ManualFlight, HandedOverItWaitsAndHandedBackItFliesOn) {
   Flying world;
   ASSERT_TRUE(world.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));
   world.run(2);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::waiting);
   EXPECT_THAT(world.core.why(), HasSubstr("lost its lease to CN=User1@org3"));
   EXPECT_FALSE(world.core.ok());
   const auto before = world.drones[0].plans.size();
@@ -59,7 +59,7 @@ TEST(ManualFlight, HandedOverItWaitsAndHandedBackItFliesOn) {
   EXPECT_EQ(world.drones[0].plans.size(), before);
   ASSERT_TRUE(world.core.set_control(control_record("tello1", operator_name, 3).SerializeAsString()));
   world.run(1);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
   EXPECT_GT(world.drones[0].plans.size(), before);
   EXPECT_TRUE(world.core.ok());
 }
@@ -75,12 +75,12 @@ TEST(ManualFlight, HoversWithoutACommandLandsOnOneAndFliesAgain) {
     }
     world.say(land());
     world.run(5);
-    EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
-    EXPECT_EQ(world.drones[0].phase, FlightPhase::landed);
+    EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
+    EXPECT_EQ(world.drones[0].phase, LinkPhase::landed);
     EXPECT_FALSE(world.core.done()) << "it may take off again";
     world.say(takeoff());
     world.run(5);
-    EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+    EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
   }
 }
 
@@ -111,7 +111,7 @@ TEST(ManualFlight, APilotWhoFallsSilentLeavesADroneThatStands) {
   // What was left of the last command's time, the way there, and the drone's own lag.
   EXPECT_LT(world.drones[0].model.motion.position_m.x() - here_m, 0.5 * (0.2 + 0.05 + 0.3));
   EXPECT_NEAR(world.drones[0].model.motion.velocity_mps.norm(), 0, 1e-3);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
 }
 
 TEST(ManualFlight, EveryPlanEndsInZero) {
@@ -161,8 +161,8 @@ TEST(ManualFlight, SeveralDronesAreFlownEachByItsOwn) {
   EXPECT_LT(world.drones[2].model.motion.position_m.x(), 5.8);
   world.say(land(1));
   world.run(5);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
-  EXPECT_EQ(world.core.status(1).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
+  EXPECT_EQ(world.core.status(1).phase, GroundPhase::landed);
 }
 
 TEST(ManualFlight, NeedsNoPoseAndItsPlansAreInTheDronesFrame) {
@@ -171,7 +171,7 @@ TEST(ManualFlight, NeedsNoPoseAndItsPlansAreInTheDronesFrame) {
   blind.run(1);
   blind.say(takeoff());
   blind.run(1);
-  EXPECT_EQ(blind.core.status(0).phase, DronePhase::takeoff);
+  EXPECT_EQ(blind.core.status(0).phase, GroundPhase::takeoff);
   ASSERT_FALSE(blind.calls.empty());
   EXPECT_EQ(blind.calls.back().plans(0).action(), TAKEOFF);
   EXPECT_TRUE(blind.calls.back().plans(0).body_frame());
@@ -190,7 +190,7 @@ TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsReportedAndMayBeRequestedAgain) 
   ASSERT_EQ(blind.notes.size(), 1U);
   EXPECT_THAT(blind.notes[0], testing::AllOf(HasSubstr("tello1: no take-off: link refuses it (its pose is lost"),
                                              HasSubstr("by_hand_without_pose")));
-  EXPECT_EQ(blind.core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(blind.core.status(0).phase, GroundPhase::waiting);
   EXPECT_EQ(blind.core.status(0).pilot.refused, 1U);
   const auto asked = drone.plans.size();
   blind.run(1);
@@ -198,7 +198,7 @@ TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsReportedAndMayBeRequestedAgain) 
   drone.obeys_takeoff = true;
   blind.say(takeoff());
   blind.run(5);
-  EXPECT_EQ(blind.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(blind.core.status(0).phase, GroundPhase::manual);
 }
 
 TEST(ManualFlight, WhatTheDroneItselfRefusesIsReportedAndMayBeRequestedAgain) {
@@ -212,14 +212,14 @@ TEST(ManualFlight, WhatTheDroneItselfRefusesIsReportedAndMayBeRequestedAgain) {
   world.run(1);
   ASSERT_EQ(world.notes.size(), 1U) << "at once, before link asks the drone again";
   EXPECT_THAT(world.notes[0], HasSubstr("tello1: no take-off: the drone itself refuses to take off"));
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::waiting);
   world.say(takeoff());
   world.run(1);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::takeoff) << "what shows is the refusal of the first";
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::takeoff) << "what shows is the refusal of the first";
   drone.obeys_takeoff = true;
   drone.cause = FailsafeCause::none;
   world.run(5);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
 }
 
 TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
@@ -284,7 +284,7 @@ TEST(ManualFlight, Ros2HearsThatAStopIsCleared) {
   Flying world(1);
   world.say({.drone = 0, .stop = true});
   world.run(10);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::landed);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_EQ(status_in(world.diagnoses.back()), std::pair(2, std::string("stopped by Org2MSP CN=User1@org2")));
   (void)world.core.set_control(control_record("tello1", operator_name).SerializeAsString());  // without a stop
   world.run(1);
@@ -315,10 +315,10 @@ TEST(ManualFlight, AFlightAroundAPathTakesNoTakeOffAndNoVelocityButLandsAndStops
   world.say(velocity(0.5));
   EXPECT_THAT(world.notes.at(0), HasSubstr("it flies a path"));
   EXPECT_EQ(world.core.status(0).pilot.not_flying, 1U);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::path);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::path);
   world.say(land());
   world.run(10);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_THAT(world.core.why(), HasSubstr("landed by its pilot"));
 }
 
@@ -331,8 +331,8 @@ TEST(ManualFlight, AStopGoesOutAtOnceAndStopsThatDroneAlone) {
   EXPECT_TRUE(world.all_stops_urgent);
   world.run(5);
   EXPECT_EQ(world.stops.size(), 1U);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
-  EXPECT_EQ(world.core.status(1).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
+  EXPECT_EQ(world.core.status(1).phase, GroundPhase::manual);
   world.say(takeoff());
   EXPECT_THAT(world.notes.back(), HasSubstr("it is stopped by"));
 }
@@ -358,7 +358,7 @@ TEST(ManualFlight, AStopIsRepeatedUntilTheLedgerHasItOrRefusesIt) {
   EXPECT_EQ(other.stops[1].clears_size(), 0);
   EXPECT_THAT(other.notes.at(0), HasSubstr("no stop: as the test wants it"));
   other.run(5);
-  EXPECT_EQ(other.core.status(0).phase, DronePhase::landed) << "its own plans land it, too";
+  EXPECT_EQ(other.core.status(0).phase, GroundPhase::landed) << "its own plans land it, too";
 }
 
 TEST(ManualFlight, AStopThatIsNotOnTheLedgerInTimeIsGivenUpAloudAndTheFlightWaitsForThat) {
@@ -366,7 +366,7 @@ TEST(ManualFlight, AStopThatIsNotOnTheLedgerInTimeIsGivenUpAloudAndTheFlightWait
   world.end_of_stops = Kind::unavailable;
   world.say({.drone = 0, .stop = true});
   world.run(25, "asked to land", 1);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_FALSE(world.core.done()) << "a stop waits";
   world.run(10, "asked to land", 1);
   EXPECT_TRUE(world.core.done());
@@ -389,7 +389,7 @@ TEST(ManualFlight, EndsWhenAskedToAndEveryDroneIsDown) {
   world.run(20, "asked to land", 1);
   EXPECT_TRUE(world.core.done());
   EXPECT_TRUE(world.core.ok()) << world.core.why();
-  for (const auto& drone : world.drones) EXPECT_EQ(drone.phase, FlightPhase::landed);
+  for (const auto& drone : world.drones) EXPECT_EQ(drone.phase, LinkPhase::landed);
 
   FlightWorld grounded(manual_config(1));
   grounded.run(20, "asked to land", 1);
@@ -410,7 +410,7 @@ TEST(ManualFlight, AStopThatLandsItNamesItsStopperAndIsAnEndAsGoodAsAnother) {
   along_its_path.run(10);
   along_its_path.say({.drone = 0, .stop = true});
   along_its_path.run(10);
-  EXPECT_EQ(along_its_path.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(along_its_path.core.status(0).phase, GroundPhase::landed);
   EXPECT_FALSE(along_its_path.core.ok()) << "it did not fly its path to the end";
 }
 
@@ -428,11 +428,11 @@ TEST(ManualFlight, EndsAfterItsTimeWhereOneIsGiven) {
 
 TEST(ManualFlight, ADroneFoundInTheAirIsHeldThere) {
   FlightWorld world(manual_config(1));
-  world.drones[0].phase = FlightPhase::flying;
+  world.drones[0].phase = LinkPhase::flying;
   world.drones[0].model.motion.stamp_ns = world.now_ns;
   world.drones[0].cause = FailsafeCause::plan_ran_out;
   world.run(1);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
   ASSERT_FALSE(world.drones[0].plans.empty());
   EXPECT_EQ(world.drones[0].plans.front().action(), FLY);
 }
@@ -440,10 +440,10 @@ TEST(ManualFlight, ADroneFoundInTheAirIsHeldThere) {
 TEST(ManualFlight, WhatTheFailsafeLandsIsTroubleUntilTheNextTakeOff) {
   Flying world;
   world.drones[0].cause = FailsafeCause::battery_low;
-  world.drones[0].phase = FlightPhase::landing;
+  world.drones[0].phase = LinkPhase::landing;
   world.drones[0].phase_since_ns = world.now_ns;
   world.run(5);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_FALSE(world.core.ok());
   EXPECT_THAT(world.core.why(), HasSubstr("came down by itself: battery low"));
   world.drones[0].cause = FailsafeCause::none;

@@ -38,7 +38,7 @@ struct InAir : FlightWorld {
   const Eigen::Vector3d& position() const { return drones[0].model.motion.position_m; }
   double away_m(double x, double y, double z = 1) const { return (position() - Eigen::Vector3d(x, y, z)).norm(); }
   FlightStatus status() const { return core.status(0); }
-  DronePhase phase() const { return core.status(0).phase; }
+  GroundPhase phase() const { return core.status(0).phase; }
   /// Runs until it is as near to this place as that; false: it never was, within a minute.
   bool passes(double x, double y, double near_m) {
     for (int i = 0; i < 3'000; ++i) {
@@ -49,8 +49,8 @@ struct InAir : FlightWorld {
   }
   /// Runs until it flies no path any more; false: it does after a minute.
   bool ends_path() {
-    for (int i = 0; i < 600 && phase() == DronePhase::path; ++i) run(0.1);
-    return phase() != DronePhase::path;
+    for (int i = 0; i < 600 && phase() == GroundPhase::path; ++i) run(0.1);
+    return phase() != GroundPhase::path;
   }
   const DronePlan& newest_plan() const { return drones[0].plans.back(); }
 };
@@ -67,7 +67,7 @@ TEST(PilotOrder, AnOpenPathIsFlownThroughItsWaypointsAndTheDroneHoversAtItsEnd) 
   for (const bool predict : {true, false}) {
     InAir world(order_config(), predict);
     world.say(path({at(2, 1), at(2, 3, 1.5), at(1, 3)}));
-    EXPECT_EQ(world.phase(), DronePhase::path);
+    EXPECT_EQ(world.phase(), GroundPhase::path);
     EXPECT_EQ(world.calls.back().plans(0).action(), FLY) << "at once";
     EXPECT_FALSE(world.calls.back().plans(0).body_frame()) << "a path is the map's";
     ASSERT_EQ(world.status().planned.size(), 4U);
@@ -83,13 +83,13 @@ TEST(PilotOrder, AnOpenPathIsFlownThroughItsWaypointsAndTheDroneHoversAtItsEnd) 
     EXPECT_LT(world.status().reached, 3U);
     ASSERT_TRUE(world.ends_path());
     EXPECT_EQ(world.status().reached, 3U);
-    EXPECT_EQ(world.phase(), DronePhase::manual);
+    EXPECT_EQ(world.phase(), GroundPhase::manual);
     world.run(3);
     EXPECT_LT(world.away_m(1, 3), 0.2);
     EXPECT_TRUE(hovers(world.newest_plan()));
     EXPECT_TRUE(world.status().planned.empty());
     EXPECT_EQ(world.status().progress, 1);
-    EXPECT_EQ(world.phase(), DronePhase::manual);
+    EXPECT_EQ(world.phase(), GroundPhase::manual);
     EXPECT_TRUE(world.core.ok()) << world.core.why();
     EXPECT_TRUE(world.notes.empty()) << world.notes.front();
   }
@@ -124,7 +124,7 @@ TEST(PilotOrder, ItLandsBehindThePathWhereItIsAskedTo) {
   InAir world;
   world.say(path({at(1.5, 1)}, true));
   world.run(15);
-  EXPECT_EQ(world.phase(), DronePhase::landed);
+  EXPECT_EQ(world.phase(), GroundPhase::landed);
   EXPECT_LT(world.away_m(1.5, 1, 0), 0.2);
   EXPECT_TRUE(world.core.ok()) << world.core.why();
   EXPECT_TRUE(world.status().planned.empty());
@@ -135,7 +135,7 @@ TEST(PilotOrder, APauseHoldsAndResumeGoesOnToTheNextWaypoint) {
   world.say(path({at(2, 1), at(2, 3), at(0, 3)}, true));
   ASSERT_TRUE(world.passes(2, 2, 0.3));
   world.say({.drone = 0, .pause = true});
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
   EXPECT_TRUE(world.status().paused);
   EXPECT_EQ(world.status().planned.size(), 4U) << "it is shown while it waits";
   world.run(2);
@@ -147,14 +147,14 @@ TEST(PilotOrder, APauseHoldsAndResumeGoesOnToTheNextWaypoint) {
   EXPECT_THAT(last_note(world), HasSubstr("no pause: it is paused already"));
 
   world.say(order(Order::resume));
-  EXPECT_EQ(world.phase(), DronePhase::path);
+  EXPECT_EQ(world.phase(), GroundPhase::path);
   EXPECT_FALSE(world.status().paused);
   ASSERT_EQ(world.status().planned.size(), 3U) << "the first waypoint is behind it";
   EXPECT_EQ(world.status().planned[1], (std::array<double, 3>{2, 3, 1}));
   EXPECT_TRUE(world.passes(2, 3, 0.15));
   world.run(20);
   EXPECT_LT(world.away_m(0, 3, 0), 0.2);
-  EXPECT_EQ(world.phase(), DronePhase::landed) << "as the path was to end";
+  EXPECT_EQ(world.phase(), GroundPhase::landed) << "as the path was to end";
 }
 
 TEST(PilotOrder, PausedBeforeAWaypointItFliesThereWhenResumedWhereverItWasFlownMeanwhile) {
@@ -197,7 +197,7 @@ TEST(PilotOrder, WhatIsPausedIsForgottenBehindAnotherPathAndBehindALanding) {
   world.run(5);
   world.say(order(Order::resume));
   EXPECT_THAT(last_note(world), HasSubstr("no resume"));
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
 }
 
 TEST(PilotOrder, ItReturnsToWhereItTookOffAtTheHeightThatItHas) {
@@ -206,25 +206,25 @@ TEST(PilotOrder, ItReturnsToWhereItTookOffAtTheHeightThatItHas) {
   ASSERT_TRUE(world.ends_path());
   const double height_m = world.position().z();
   world.say(order(Order::return_home));
-  EXPECT_EQ(world.phase(), DronePhase::path);
+  EXPECT_EQ(world.phase(), GroundPhase::path);
   ASSERT_TRUE(world.ends_path());
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
   EXPECT_LT(world.away_m(0, 1, height_m), 0.2);
   EXPECT_TRUE(world.notes.empty());
 }
 
 TEST(PilotOrder, OfADroneFoundInTheAirNobodyKnowsWhereItTookOff) {
   FlightWorld world(order_config());
-  world.drones[0].phase = FlightPhase::flying;
+  world.drones[0].phase = LinkPhase::flying;
   world.drones[0].model.motion.stamp_ns = world.now_ns;
   world.drones[0].model.motion.position_m = {5, 5, 1};
   world.run(1);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::manual);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::manual);
   world.say(order(Order::return_home));
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
   EXPECT_THAT(last_note(world), HasSubstr("no return: where it took off is not known"));
   world.say(path({at(5, 4)}));
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::path) << "where it is it knows";
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::path) << "where it is it knows";
 }
 
 TEST(PilotOrder, OnTheGroundAndOnItsWayUpAndDownOrdersAreRefusedInWords) {
@@ -234,7 +234,7 @@ TEST(PilotOrder, OnTheGroundAndOnItsWayUpAndDownOrdersAreRefusedInWords) {
   ASSERT_EQ(world.notes.size(), 1U);
   EXPECT_THAT(world.notes[0], HasSubstr("tello1: no path: it is not in the air"));
   EXPECT_EQ(world.core.status(0).pilot.refused, 1U);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::waiting);
   world.run(1);
   world.say({.drone = 0, .takeoff = true});
   world.run(1);
@@ -245,20 +245,20 @@ TEST(PilotOrder, OnTheGroundAndOnItsWayUpAndDownOrdersAreRefusedInWords) {
   world.run(0.5);
   world.say(order(Order::return_home));
   EXPECT_THAT(last_note(world), HasSubstr("no return: it is landing"));
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landing);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landing);
 }
 
 TEST(PilotOrder, AFlightAroundItsOwnPathTakesNoOrder) {
   FlightWorld world(config_for(1));
   world.run(10);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
   ASSERT_EQ(world.core.status(0).planned.size(), 5U) << "a square, closed";
   EXPECT_EQ(world.core.status(0).planned.front(), world.core.status(0).planned.back());
   for (const PilotCommand& command :
        {order(Order::path), order(Order::resume), order(Order::return_home), PilotCommand{.drone = 0, .pause = true}}) {
     world.say(command);
     EXPECT_THAT(last_note(world), HasSubstr("it flies the path of its flight"));
-    EXPECT_EQ(world.core.status(0).phase, DronePhase::path);
+    EXPECT_EQ(world.core.status(0).phase, GroundPhase::path);
     world.run(1.1);
   }
   world.run(60);
@@ -273,7 +273,7 @@ TEST(PilotOrder, WithoutAPoseNoPathIsFlown) {
   for (const auto& command : {path({at(1, 1)}), order(Order::return_home)}) {
     blind.say(command);
     EXPECT_THAT(last_note(blind), HasSubstr("it has no pose"));
-    EXPECT_EQ(blind.phase(), DronePhase::manual);
+    EXPECT_EQ(blind.phase(), GroundPhase::manual);
     blind.run(1.1);
   }
   EXPECT_EQ(blind.status().pilot.refused, 2U);
@@ -285,7 +285,7 @@ TEST(PilotOrder, AnOldPoseIsNoPlaceToBeginAt) {
   world.run(0.2);
   world.say(path({at(1, 1)}));
   EXPECT_THAT(last_note(world), HasSubstr("no path: its pose is lost"));
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
 }
 
 TEST(PilotOrder, APoseAgesWhileNoStateComes) {
@@ -294,7 +294,7 @@ TEST(PilotOrder, APoseAgesWhileNoStateComes) {
   world.run(0.9);
   world.say(path({at(1, 1)}));
   EXPECT_THAT(last_note(world), HasSubstr("no path: its pose is lost"));
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
 }
 
 TEST(PilotOrder, WhileItsFailsafeBrakesItNoPathIsBegun) {
@@ -304,7 +304,7 @@ TEST(PilotOrder, WhileItsFailsafeBrakesItNoPathIsBegun) {
   world.run(0.2);
   world.say(path({at(1, 1)}));
   EXPECT_THAT(last_note(world), HasSubstr("no path: its failsafe brakes it"));
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
 }
 
 TEST(PilotOrder, WithoutAPoseTheReferenceWaitsAlsoWithoutPrediction) {
@@ -325,7 +325,7 @@ TEST(PilotOrder, APauseHoldsBesideAnyOrderOfTheSameStep) {
   PilotCommand both = path({at(2, 1)});
   both.pause = true;
   world.say(both);
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
   EXPECT_TRUE(world.status().paused);
   EXPECT_EQ(world.status().planned.back(), (std::array<double, 3>{2, 1, 1})) << "the new path waits";
   both = order(Order::resume);
@@ -340,9 +340,9 @@ TEST(PilotOrder, AStickThatIsMovedPausesThePathAndOneAtRestDoesNot) {
   world.say(path({at(4, 1)}));
   world.run(2);
   world.say({.drone = 0, .velocity = Twist{{0.01, 0, 0}, {}}, .came_ns = world.now_ns});
-  EXPECT_EQ(world.phase(), DronePhase::path);
+  EXPECT_EQ(world.phase(), GroundPhase::path);
   world.say({.drone = 0, .velocity = Twist{{0, 0.4, 0}, {}}, .came_ns = world.now_ns});
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
   EXPECT_TRUE(world.status().paused);
   EXPECT_THAT(last_note(world), HasSubstr("its pilot flies it by hand"));
   world.run(0.2);
@@ -364,13 +364,13 @@ TEST(PilotOrder, AFlightAlongAPathThatWaitsIsEndedByALandingAndByAStop) {
     FlightWorld world(config_for(1));
     world.drones[0].has_pose = false;  // so that it waits
     world.run(1);
-    ASSERT_EQ(world.core.status(0).phase, DronePhase::waiting);
+    ASSERT_EQ(world.core.status(0).phase, GroundPhase::waiting);
     world.say({.drone = 0, .land = !stop, .stop = stop});
-    EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+    EXPECT_EQ(world.core.status(0).phase, GroundPhase::failed);
     EXPECT_THAT(world.core.status(0).why, HasSubstr(stop ? "stopped by Org2MSP CN=User1@org2" : "its pilot"));
     world.drones[0].has_pose = true;
     world.run(10);
-    EXPECT_EQ(world.drones[0].phase, FlightPhase::on_ground) << "it never takes off";
+    EXPECT_EQ(world.drones[0].phase, LinkPhase::on_ground) << "it never takes off";
   }
 }
 
@@ -390,7 +390,7 @@ TEST(PilotOrder, WhileAStopIsOnItsWayNothingTakesOff) {
   FlightInputs inputs;
   inputs.commands = commands;
   const FlightOutputs out = world.core.step(world.now_ns, inputs);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::waiting);
   ASSERT_EQ(out.notes.size(), 1U);
   EXPECT_THAT(out.notes[0], HasSubstr("a stop of it is on its way"));
   ASSERT_EQ(out.submissions.size(), 1U);
@@ -404,7 +404,7 @@ TEST(PilotOrder, AVelocityOfBeforeIsNotFlownBehindAPathThatEndsAtOnce) {
   const Eigen::Vector3d here = world.position();
   world.say(path({at(here.x(), here.y(), here.z())}));
   world.run(0.1);
-  ASSERT_EQ(world.phase(), DronePhase::manual);
+  ASSERT_EQ(world.phase(), GroundPhase::manual);
   EXPECT_TRUE(hovers(world.newest_plan()));
 }
 
@@ -427,7 +427,7 @@ TEST(PilotOrder, BadWaypointsAreRefusedAndThePathThatIsFlownGoesOn) {
   EXPECT_THAT(last_note(world), HasSubstr("no path: waypoint 2 has z 0.1 m"));
   world.say(path({}));
   EXPECT_EQ(world.status().pilot.refused, 2U);
-  EXPECT_EQ(world.phase(), DronePhase::path);
+  EXPECT_EQ(world.phase(), GroundPhase::path);
   ASSERT_TRUE(world.ends_path());
   EXPECT_LT(world.away_m(2, 1), 0.15);
 }
@@ -439,9 +439,9 @@ TEST(PilotOrder, ALandingInTheMiddleOfAPathLandsThereAndBeatsAnOrder) {
   PilotCommand both = path({at(0, 5)});
   both.land = true;
   world.say(both);
-  EXPECT_EQ(world.phase(), DronePhase::landing);
+  EXPECT_EQ(world.phase(), GroundPhase::landing);
   world.run(5);
-  EXPECT_EQ(world.phase(), DronePhase::landed);
+  EXPECT_EQ(world.phase(), GroundPhase::landed);
   EXPECT_LT(world.position().x(), 2);
   EXPECT_LT(world.position().y(), 1.2);
   EXPECT_TRUE(world.core.ok()) << world.core.why();
@@ -455,7 +455,7 @@ TEST(PilotOrder, AStopInTheMiddleOfAPathStops) {
   world.say({.drone = 0, .stop = true});
   EXPECT_EQ(world.stops.size(), 1U);
   world.run(5);
-  EXPECT_EQ(world.phase(), DronePhase::landed);
+  EXPECT_EQ(world.phase(), GroundPhase::landed);
 }
 
 TEST(PilotOrder, ASticksNoiseAndATakeOffDuringAPathChangeNothing) {
@@ -484,7 +484,7 @@ TEST(PilotOrder, ANewPathReplacesTheOneThatIsFlown) {
   ASSERT_EQ(world.status().planned.size(), 2U);
   EXPECT_LT(world.status().progress, 0.1);
   double farthest_m = 0;
-  while (world.phase() == DronePhase::path) {
+  while (world.phase() == GroundPhase::path) {
     world.run(0.1);
     farthest_m = std::max(farthest_m, world.position().x());
   }
@@ -500,7 +500,7 @@ TEST(PilotOrder, WhileItsPoseIsLostThePathWaits) {
   world.drones[0].pose_late_ns = 2 * ns_per_s;
   world.run(2);
   EXPECT_LT(world.status().progress, before + 0.15);
-  EXPECT_EQ(world.phase(), DronePhase::path);
+  EXPECT_EQ(world.phase(), GroundPhase::path);
 }
 
 TEST(PilotOrder, APathThatTakesTooLongEndsInAHoverAndIsReported) {
@@ -510,9 +510,9 @@ TEST(PilotOrder, APathThatTakesTooLongEndsInAHoverAndIsReported) {
   InAir world(config);
   world.say(path({at(50, 1)}, true));
   world.run(29);
-  EXPECT_EQ(world.phase(), DronePhase::path);
+  EXPECT_EQ(world.phase(), GroundPhase::path);
   world.run(2);
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
   EXPECT_EQ(last_note(world), "tello1: did not finish its path within 30 s: it hovers");
   world.run(2);
   EXPECT_TRUE(hovers(world.newest_plan()));
@@ -525,13 +525,13 @@ TEST(PilotOrder, ALostLeaseEndsThePathAndHandedBackTheDroneHovers) {
   world.run(2);
   ASSERT_TRUE(world.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));
   world.run(1);
-  EXPECT_EQ(world.phase(), DronePhase::waiting);
+  EXPECT_EQ(world.phase(), GroundPhase::waiting);
   EXPECT_TRUE(world.status().planned.empty());
   world.say(path({at(4, 1)}));
   EXPECT_THAT(last_note(world), HasSubstr("no path: its lease is held by CN=User1@org3"));
   ASSERT_TRUE(world.core.set_control(control_record("tello1", operator_name, 3).SerializeAsString()));
   world.run(1);
-  EXPECT_EQ(world.phase(), DronePhase::manual);
+  EXPECT_EQ(world.phase(), GroundPhase::manual);
   EXPECT_TRUE(hovers(world.newest_plan()));
 }
 
@@ -541,7 +541,7 @@ TEST(PilotOrder, TheFlightsTimeIsNoPathsTime) {
   InAir world(config);
   world.say(path({at(1, 1)}));
   ASSERT_TRUE(world.ends_path());
-  EXPECT_EQ(world.phase(), DronePhase::manual) << "it hovers at its end until the flight's";
+  EXPECT_EQ(world.phase(), GroundPhase::manual) << "it hovers at its end until the flight's";
   EXPECT_LT(world.away_m(1, 1), 0.15);
   world.say(path({at(30, 1)}));
   world.run(30);

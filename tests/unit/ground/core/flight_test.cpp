@@ -20,10 +20,10 @@ TEST(Flight, DronesTakeOffFlyTheirLapsAndLand) {
   EXPECT_TRUE(world.core.ok()) << world.core.why();
   for (std::size_t i = 0; i < 3; ++i) {
     const FlightStatus status = world.core.status(i);
-    EXPECT_EQ(status.phase, DronePhase::landed);
+    EXPECT_EQ(status.phase, GroundPhase::landed);
     ASSERT_EQ(status.lap_s.size(), 2u);
     for (double lap_s : status.lap_s) EXPECT_NEAR(lap_s, 13, 1.5);
-    EXPECT_EQ(world.drones[i].phase, FlightPhase::landed);
+    EXPECT_EQ(world.drones[i].phase, LinkPhase::landed);
     EXPECT_GT(status.path_ns[1] - status.path_ns[0], 22 * ns_per_s);
   }
 }
@@ -38,13 +38,13 @@ TEST(Flight, EachPathBeginsWhereItsDroneStood) {
 
 TEST(Flight, PhasesComeInOrder) {
   FlightWorld world(config_for(1));
-  std::vector<DronePhase> seen{world.core.status(0).phase};
+  std::vector<GroundPhase> seen{world.core.status(0).phase};
   while (!world.core.done() && world.now_ns < 1'200 * ns_per_s) {
     world.run(0.02);
     if (world.core.status(0).phase != seen.back()) seen.push_back(world.core.status(0).phase);
   }
-  EXPECT_THAT(seen, testing::ElementsAre(DronePhase::waiting, DronePhase::takeoff, DronePhase::path,
-                                         DronePhase::landing, DronePhase::landed));
+  EXPECT_THAT(seen, testing::ElementsAre(GroundPhase::waiting, GroundPhase::takeoff, GroundPhase::path,
+                                         GroundPhase::landing, GroundPhase::landed));
 }
 
 TEST(Flight, FliesForSecondsWhereAskedTo) {
@@ -73,14 +73,14 @@ TEST(Flight, ARequestToLandLandsEveryDroneAndIsNoSuccess) {
   EXPECT_TRUE(world.core.done());
   EXPECT_FALSE(world.core.ok());
   EXPECT_THAT(world.core.why(), HasSubstr("tello2: asked to land"));
-  for (const auto& drone : world.drones) EXPECT_EQ(drone.phase, FlightPhase::landed);
+  for (const auto& drone : world.drones) EXPECT_EQ(drone.phase, LinkPhase::landed);
 }
 
 TEST(Flight, ARequestToLandBeforeTakeOffLeavesTheDroneOnTheGround) {
   FlightWorld world(config_for(1));
   world.drones[0].has_pose = false;
   world.run(60, "asked to land", 2);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::failed);
   EXPECT_TRUE(world.calls.empty());
 }
 
@@ -88,7 +88,7 @@ TEST(Flight, WaitingTooLongNamesWhatIsMissing) {
   FlightWorld silent(config_for(1));
   silent.drones[0].silent = true;
   silent.run(60);
-  EXPECT_EQ(silent.core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(silent.core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(silent.core.why(), HasSubstr("no state came through the ledger within 30 s"));
 
   FlightWorld blind(config_for(1));
@@ -120,13 +120,13 @@ TEST(Flight, ADroneThatDoesNotTakeOffIsGivenUp) {
 TEST(Flight, SilenceInTheAirEndsInLandingAndThenInFailure) {
   FlightWorld world(config_for(1));
   world.run(10);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
   world.drones[0].silent = true;
   world.run(5.5);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landing);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landing);
   EXPECT_THAT(world.core.why(), HasSubstr("no state came for 5.0 s"));
   world.run(30);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(world.core.why(), HasSubstr("was not seen to land within 20 s"));
 }
 
@@ -134,7 +134,7 @@ TEST(Flight, ASilenceIsWarnedOfAndSaysWhetherTheLedgerIsSilentToo) {
   for (const int drones : {1, 2}) {
     FlightWorld world(config_for(drones));
     world.run(10);
-    ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+    ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
     const std::string who = drones == 1 ? "s, nor any block" : "s, though blocks come";
     world.drones[0].silent = true;
     world.run(2);
@@ -148,13 +148,13 @@ TEST(Flight, ASilenceIsWarnedOfAndSaysWhetherTheLedgerIsSilentToo) {
 TEST(Flight, ALinkThatIsStartedAgainInTheAirIsWaitedForAndFlownOn) {
   FlightWorld world(config_for(1));
   world.run(10);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
   world.drones[0].boot_id = 8;
   world.drones[0].sequence = 0;
-  world.drones[0].phase = FlightPhase::disconnected;  // it has yet to find its drone
+  world.drones[0].phase = LinkPhase::disconnected;  // it has yet to find its drone
   world.run(1);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
-  world.drones[0].phase = FlightPhase::flying;
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
+  world.drones[0].phase = LinkPhase::flying;
   world.run(60);
   EXPECT_TRUE(world.core.ok()) << world.core.why();
   EXPECT_EQ(world.drones[0].plans.back().boot_id(), 8U);
@@ -164,9 +164,9 @@ TEST(Flight, ALinkThatDoesNotFindItsDroneAgainIsSilence) {
   FlightWorld world(config_for(1));
   world.run(10);
   world.drones[0].boot_id = 8;
-  world.drones[0].phase = FlightPhase::disconnected;
+  world.drones[0].phase = LinkPhase::disconnected;
   world.run(5.5);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landing);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landing);
   EXPECT_THAT(world.core.why(), HasSubstr("no state came for 5.0 s"));
 }
 
@@ -174,7 +174,7 @@ TEST(Flight, ADroneThatDoesNotLandFails) {
   FlightWorld world(config_for(1));
   world.drones[0].obeys_landing = false;
   world.run(90);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(world.core.why(), HasSubstr("was not seen to land"));
 }
 
@@ -184,7 +184,7 @@ TEST(Flight, AHeldBackDroneIsLandedWhenItsTimeIsUp) {
   config.controller.speed_mps = 0.06;
   FlightWorld world(config);
   world.run(120);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_THAT(world.core.why(), HasSubstr("did not finish its path within 30 s"));
 }
 
@@ -192,10 +192,10 @@ TEST(Flight, ADroneThatComesDownByItselfIsReportedWithItsCause) {
   FlightWorld world(config_for(1));
   world.run(10);
   world.drones[0].cause = FailsafeCause::battery_critical;
-  world.drones[0].phase = FlightPhase::landing;
+  world.drones[0].phase = LinkPhase::landing;
   world.drones[0].phase_since_ns = world.now_ns;
   world.run(30);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_FALSE(world.core.status(0).finished);
   EXPECT_THAT(world.core.why(), HasSubstr("came down by itself: battery critical"));
 }
@@ -203,12 +203,12 @@ TEST(Flight, ADroneThatComesDownByItselfIsReportedWithItsCause) {
 TEST(Flight, ADroneThatLinkLosesIsNotSaidToHaveComeDown) {
   FlightWorld world(config_for(1));
   world.run(10);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
   world.drones[0].obeys_landing = false;
   world.drones[0].cause = FailsafeCause::state_stale;
   world.drones[0].mode = FailsafeMode::land;
   world.run(30);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(world.core.why(), HasSubstr("lost: link had no more state of it, last at "));
   EXPECT_THAT(world.core.why(), HasSubstr("m; was not seen to land within 20 s"));
   EXPECT_THAT(world.core.why(), Not(HasSubstr("landed it")));
@@ -217,7 +217,7 @@ TEST(Flight, ADroneThatLinkLosesIsNotSaidToHaveComeDown) {
 TEST(Flight, WhoeverElseLandedItIsNotCalledItself) {
   FlightWorld world(config_for(1));
   world.run(10);
-  world.drones[0].phase = FlightPhase::landing;
+  world.drones[0].phase = LinkPhase::landing;
   world.drones[0].phase_since_ns = world.now_ns;
   world.run(30);
   EXPECT_THAT(world.core.why(), HasSubstr("landed without an order of ours"));

@@ -15,7 +15,7 @@ TEST(FlightVerification, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgn
   FlightCore core(config);
   ASSERT_TRUE(core.set_control(control_record("tello1", operator_name).SerializeAsString()));
   StateSample sample;
-  sample.phase = FlightPhase::on_ground;
+  sample.phase = LinkPhase::on_ground;
   sample.stamp_ns = sample.pose_stamp_ns = ns_per_s;
   std::uint64_t sequence = 0;
   const auto give = [&](const crypto::IdentityName& who, bool spoilt) {
@@ -55,7 +55,7 @@ class FlightBesideALyingPeer : public testing::Test {
   }
   static fabric::Transaction state(std::uint64_t sequence, double x = 0) {
     StateSample sample;
-    sample.phase = FlightPhase::on_ground;
+    sample.phase = LinkPhase::on_ground;
     sample.sequence = sequence;
     sample.stamp_ns = sample.pose_stamp_ns = ns_per_s;
     sample.position_m = {x, 0, 0};
@@ -79,7 +79,7 @@ class FlightBesideALyingPeer : public testing::Test {
     inputs.block = &block;
     return core.step(ns_per_s, inputs);
   }
-  bool flies_on() const { return core.status(0).phase == DronePhase::takeoff; }
+  bool flies_on() const { return core.status(0).phase == GroundPhase::takeoff; }
 
   Control record = control_record("tello1", operator_name, 4);
   FlightCore core{config()};
@@ -130,7 +130,7 @@ TEST_F(FlightBesideALyingPeer, WhatFollowsFromTheCallAndTheRecordBeforeIsTrusted
   EXPECT_TRUE(flies_on());
   taken.args.emplace_back("priority=3");
   (void)give(taken, outsider_name);
-  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(core.status(0).phase, GroundPhase::failed);
 }
 
 TEST_F(FlightBesideALyingPeer, WhoIsRevokedFliesNoMore) {
@@ -145,7 +145,7 @@ TEST_F(FlightBesideALyingPeer, WhoIsRevokedFliesNoMore) {
   EXPECT_EQ(core.transactions().altered, 1u) << "he is no administrator";
   EXPECT_TRUE(flies_on());
   (void)give(revoke, {operator_name.msp_id, "CN=Admin@" + operator_name.msp_id});
-  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(core.status(0).why, HasSubstr("is revoked"));
 }
 
@@ -163,7 +163,7 @@ TEST_F(FlightBesideALyingPeer, NobodyCommandsForAHolderWhoDidNotAskForIt) {
   asked.args = {call.SerializeAsString()};
   (void)give(asked, operator_name);
   EXPECT_EQ(core.transactions().altered, 1u);
-  EXPECT_EQ(core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(core.status(0).why, HasSubstr("who lets CN=station command it"));
 }
 
@@ -205,14 +205,14 @@ class FlightOfTwoOperators : public testing::Test {
 TEST_F(FlightOfTwoOperators, AHandOverBetweenThemIsFlownThroughUnderTheNewEpoch) {
   start(false);
   world->run(12);
-  ASSERT_EQ(world->core.status(0).phase, DronePhase::path);
+  ASSERT_EQ(world->core.status(0).phase, GroundPhase::path);
   const double progress = world->core.status(0).progress;
   const std::size_t before = plans().size();
   ASSERT_EQ(plans().back().epoch(), 2u);
   give("hand_over", delegated_record("tello1", second, 3));
   const TimeNs given_ns = world->now_ns + world->one_way_ns;
   world->run(0.2);
-  EXPECT_EQ(world->core.status(0).phase, DronePhase::path);
+  EXPECT_EQ(world->core.status(0).phase, GroundPhase::path);
   EXPECT_EQ(world->core.status(0).why, "");
   EXPECT_EQ(world->core.lease(0).holder->subject, second);
   std::size_t at = before;
@@ -225,20 +225,20 @@ TEST_F(FlightOfTwoOperators, AHandOverBetweenThemIsFlownThroughUnderTheNewEpoch)
     EXPECT_EQ(plans()[at].action(), FLY);
   }
   world->run(120);
-  EXPECT_EQ(world->core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world->core.status(0).phase, GroundPhase::landed);
   EXPECT_EQ(world->core.status(0).why, "");
   EXPECT_GT(world->core.status(0).progress, progress);
 }
 
 TEST_F(FlightOfTwoOperators, ByHandItStaysByHand) {
   start(true);
-  world->drones[0].phase = FlightPhase::flying;
+  world->drones[0].phase = LinkPhase::flying;
   world->drones[0].model.motion.position_m.z() = 1;
   world->run(1);
-  ASSERT_EQ(world->core.status(0).phase, DronePhase::manual);
+  ASSERT_EQ(world->core.status(0).phase, GroundPhase::manual);
   give("hand_over", delegated_record("tello1", second, 3));
   world->run(0.5);
-  EXPECT_EQ(world->core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world->core.status(0).phase, GroundPhase::manual);
   EXPECT_EQ(plans().back().epoch(), 3u);
 }
 
@@ -247,33 +247,33 @@ TEST_F(FlightOfTwoOperators, TheHolderWhoTakesTheCommandBackEndsIt) {
   world->run(12);
   give("acquire", control_record("tello1", {operator_name.msp_id, first}, 3));
   world->run(0.5);
-  EXPECT_EQ(world->core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(world->core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(world->core.status(0).why, HasSubstr("lost its lease to CN=operator 1"));
   EXPECT_EQ(plans().back().epoch(), 2u);
 }
 
 TEST_F(FlightOfTwoOperators, ByHandARevokedOneLeavesItToTheOther) {
   start(true);
-  world->drones[0].phase = FlightPhase::flying;
+  world->drones[0].phase = LinkPhase::flying;
   world->drones[0].model.motion.position_m.z() = 1;
   world->run(1);
   revoke(first);
   world->run(0.5);
-  EXPECT_EQ(world->core.status(0).phase, DronePhase::waiting);
+  EXPECT_EQ(world->core.status(0).phase, GroundPhase::waiting);
   EXPECT_THAT(world->core.status(0).why, HasSubstr("its operator CN=operator 1 is revoked"));
   give("acquire", delegated_record("tello1", second, 3));
   world->run(0.5);
-  EXPECT_EQ(world->core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world->core.status(0).phase, GroundPhase::manual);
 }
 
 TEST_F(FlightOfTwoOperators, TheStationRevokedFliesNothing) {
   start(true);
-  world->drones[0].phase = FlightPhase::flying;
+  world->drones[0].phase = LinkPhase::flying;
   world->drones[0].model.motion.position_m.z() = 1;
   world->run(1);
   revoke(operator_name.subject);
   world->run(0.1);
-  EXPECT_EQ(world->core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(world->core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(world->core.status(0).why, HasSubstr("CN=User1@org2, who commands it, is revoked"));
   const std::size_t then = plans().size();
   world->run(0.5);
@@ -286,7 +286,7 @@ TEST_F(FlightBesideALyingPeer, AStopIsItsCreatorsOwn) {
   (void)give(control_event("stop", {"tello1"}, stops.SerializeAsString()), operator_name);
   EXPECT_TRUE(flies_on());
   (void)give(control_event("stop", {"tello1"}, stops.SerializeAsString()), outsider_name);
-  EXPECT_EQ(core.status(0).phase, DronePhase::landing);
+  EXPECT_EQ(core.status(0).phase, GroundPhase::landing);
 }
 
 }  // namespace

@@ -105,7 +105,7 @@ class FlightWorld {
   struct Drone {
     std::string name;
     LaggedDrone model{0.3};
-    FlightPhase phase = FlightPhase::on_ground;
+    LinkPhase phase = LinkPhase::on_ground;
     TimeNs phase_since_ns = 0;
     std::uint64_t boot_id = 7, sequence = 0;
     FailsafeMode mode = FailsafeMode::none;
@@ -218,7 +218,7 @@ class FlightWorld {
     for (const std::string& name : stops.back().drones()) {
       *event_of_stop.add_stops() = stop_of(name, operator_name, stops.back().cut());
       for (Drone& drone : drones) {
-        if (drone.name == name && is_in_flight(drone.phase)) enter(drone, FlightPhase::landing);
+        if (drone.name == name && is_in_flight(drone.phase)) enter(drone, LinkPhase::landing);
       }
     }
     const std::vector<std::string> asked(stops.back().drones().begin(), stops.back().drones().end());
@@ -266,9 +266,9 @@ class FlightWorld {
         drone.plans.push_back(plan);
         drone.arrived_ns = now_ns;
         if (plan.action() == TAKEOFF && !is_in_flight(drone.phase) && drone.obeys_takeoff) {
-          enter(drone, FlightPhase::taking_off);
-        } else if (plan.action() == LAND && drone.phase == FlightPhase::flying && drone.obeys_landing) {
-          enter(drone, FlightPhase::landing);
+          enter(drone, LinkPhase::taking_off);
+        } else if (plan.action() == LAND && drone.phase == LinkPhase::flying && drone.obeys_landing) {
+          enter(drone, LinkPhase::landing);
         } else if (plan.action() == FLY) {
           std::vector<Setpoint> setpoints;
           for (const auto& p : plan.setpoints())
@@ -279,7 +279,7 @@ class FlightWorld {
     }
   }
 
-  void enter(Drone& drone, FlightPhase phase) {
+  void enter(Drone& drone, LinkPhase phase) {
     drone.phase = phase;
     drone.phase_since_ns = now_ns;
   }
@@ -287,18 +287,18 @@ class FlightWorld {
   void move(Drone& drone) {
     Motion& motion = drone.model.motion;
     const TimeNs in_phase_ns = now_ns - drone.phase_since_ns;
-    if (drone.phase == FlightPhase::flying) {
+    if (drone.phase == LinkPhase::flying) {
       drone.model.run_until(now_ns);
       return;
     }
     motion.stamp_ns = now_ns;
     motion.velocity_mps.setZero();
-    if (drone.phase == FlightPhase::taking_off) {
+    if (drone.phase == LinkPhase::taking_off) {
       motion.position_m.z() = std::min(0.8, 0.4 * to_seconds(in_phase_ns));
-      if (in_phase_ns > 3 * ns_per_s) enter(drone, FlightPhase::flying);
-    } else if (drone.phase == FlightPhase::landing && in_phase_ns > 2 * ns_per_s) {
+      if (in_phase_ns > 3 * ns_per_s) enter(drone, LinkPhase::flying);
+    } else if (drone.phase == LinkPhase::landing && in_phase_ns > 2 * ns_per_s) {
       motion.position_m.z() = 0;
-      enter(drone, FlightPhase::landed);
+      enter(drone, LinkPhase::landed);
     }
   }
 

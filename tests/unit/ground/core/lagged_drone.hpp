@@ -28,7 +28,7 @@ class LaggedDrone {
   /// As link would say it.
   StateSample state() const {
     StateSample sample;
-    sample.phase = FlightPhase::flying;
+    sample.phase = LinkPhase::flying;
     sample.stamp_ns = sample.pose_stamp_ns = motion.stamp_ns;
     for (int i = 0; i < 3; ++i) {
       const auto k = static_cast<std::size_t>(i);

@@ -77,11 +77,11 @@ TEST_F(MissionCheck, ADroneThatIsNotSeenOrHasNoPose) {
 
 TEST_F(MissionCheck, ADroneThatIsBusy) {
   now[0] = hovering("tello1", 0, 0);
-  now[0].phase = DronePhase::path;
+  now[0].phase = GroundPhase::path;
   EXPECT_EQ(forbidden(), "drone tello1: flies a path already");
-  now[0].phase = DronePhase::landing;
+  now[0].phase = GroundPhase::landing;
   EXPECT_EQ(forbidden(), "drone tello1: is landing");
-  now[0].phase = DronePhase::failed;
+  now[0].phase = GroundPhase::failed;
   now[0].why = "lost its lease";
   EXPECT_EQ(forbidden(), "drone tello1: is in the air, and not flown from here: lost its lease");
 }
@@ -163,7 +163,7 @@ TEST_F(MissionCheck, StartsThatAreTooNear) {
 TEST_F(MissionCheck, AnotherThatIsRunningMayBeAnywhereOnItsPath) {
   now.push_back(hovering("tello3", 10, -3, 1.2));
   EXPECT_THAT(words(), IsEmpty());
-  now.back().phase = DronePhase::path;
+  now.back().phase = GroundPhase::path;
   now.back().way = {{10, 3, 1.2}, {-10, 3, 1.2}};
   EXPECT_THAT(words(), IsEmpty());
   now.back().way.push_back({-10, -10, 1.2});

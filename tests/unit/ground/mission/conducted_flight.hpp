@@ -48,26 +48,26 @@ struct Flight {
   }
   void obey(const PilotCommand& command, DroneNow& drone) {
     if (deaf == drone.name) return;
-    if (command.takeoff) drone.phase = DronePhase::takeoff;
-    if (command.land) drone.phase = DronePhase::landing;
+    if (command.takeoff) drone.phase = GroundPhase::takeoff;
+    if (command.land) drone.phase = GroundPhase::landing;
     if (!command.order && !command.pause) return;
     drone.paused = command.pause;
-    drone.phase = drone.paused ? DronePhase::manual : DronePhase::path;
+    drone.phase = drone.paused ? GroundPhase::manual : GroundPhase::path;
     if (drone.paused) return;
     ordered[drone.name] = *command.order;
     drone.reached = 0;
     ++drone.paths;
   }
   void rises(const std::string& name) {
-    drone(name).phase = DronePhase::manual;
+    drone(name).phase = GroundPhase::manual;
     drone(name).on_ground = false;
   }
   void ends_path(const std::string& name) {
     drone(name).reached = ordered.at(name).waypoints.size();
-    drone(name).phase = ordered.at(name).land_behind ? DronePhase::landing : DronePhase::manual;
+    drone(name).phase = ordered.at(name).land_behind ? GroundPhase::landing : GroundPhase::manual;
   }
   void lands(const std::string& name) {
-    drone(name).phase = DronePhase::landed;
+    drone(name).phase = GroundPhase::landed;
     drone(name).on_ground = true;
   }
   void to_paths() {
@@ -87,8 +87,8 @@ struct Flight {
     run = std::move(*restored);
     ordered.clear();
     for (DroneNow& one : drones) {
-      if (one.on_ground) one.phase = DronePhase::waiting;
-      if (!one.on_ground) one.phase = DronePhase::waiting, one.paused = false, one.paths = 0, one.reached = 0;
+      if (one.on_ground) one.phase = GroundPhase::waiting;
+      if (!one.on_ground) one.phase = GroundPhase::waiting, one.paused = false, one.paths = 0, one.reached = 0;
     }
     approve();
   }

@@ -58,18 +58,18 @@ TEST(MissionFlown, FromTheGroundToBothEndsAsItsTimetableSays) {
   EXPECT_TRUE(before[0].seen && before[0].on_ground && before[0].at_m);
   ASSERT_TRUE(world.mission.start({}));
   ASSERT_TRUE(world.conducts_to(RunPhase::to_start));
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::path) << "both in the same step";
-  EXPECT_EQ(world.core.status(1).phase, DronePhase::path);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::path) << "both in the same step";
+  EXPECT_EQ(world.core.status(1).phase, GroundPhase::path);
   ASSERT_TRUE(world.conducts_to(RunPhase::flying));
-  while (world.core.status(0).phase == DronePhase::path && world.mission.active()) world.conduct();
+  while (world.core.status(0).phase == GroundPhase::path && world.mission.active()) world.conduct();
   const double took_s = to_seconds(world.now_ns - world.began_ns);
   const Timetable table = timetable_of(at(0, 1), world.mission.mission().drones[0], flown_config().controller, 780);
   EXPECT_NEAR(took_s, table.end_s(), Apart{}.late_s) << "as late as check() allows for";
   ASSERT_TRUE(world.conducts_to(RunPhase::done));
   EXPECT_LT(world.away_m(0, 0, 5), 0.25);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
   EXPECT_LT(world.away_m(1, 3, 5), 0.3);
-  EXPECT_EQ(world.core.status(1).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(1).phase, GroundPhase::landed);
   EXPECT_TRUE(world.notes.empty()) << world.notes.front();
 }
 
@@ -80,8 +80,8 @@ TEST(MissionFlown, PausedAndResumed) {
   ASSERT_TRUE(world.conducts_to(RunPhase::flying));
   ASSERT_TRUE(world.mission.pause());
   for (int i = 0; i < 30; ++i) world.conduct();
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
-  EXPECT_EQ(world.core.status(1).phase, DronePhase::manual);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
+  EXPECT_EQ(world.core.status(1).phase, GroundPhase::manual);
   EXPECT_GE(world.mission.reached(0), 1U);
   EXPECT_LT(world.mission.reached(0), 3U);
   ASSERT_TRUE(world.mission.resume());
@@ -106,7 +106,7 @@ TEST(MissionFlown, AGroundThatIsStartedAgainGoesOnWithTheRest) {
   ASSERT_TRUE(again.conducts_to(RunPhase::done)) << name_of(again.mission.phase()) << " " << again.mission.why();
   EXPECT_LT(again.away_m(0, 0, 5), 0.25);
   EXPECT_LT(again.away_m(1, 3, 5), 0.3);
-  EXPECT_EQ(again.core.status(1).phase, DronePhase::landed);
+  EXPECT_EQ(again.core.status(1).phase, GroundPhase::landed);
 }
 
 TEST(MissionFlown, ADroneThatIsStoppedHasTheOtherHover) {
@@ -120,7 +120,7 @@ TEST(MissionFlown, ADroneThatIsStoppedHasTheOtherHover) {
   EXPECT_TRUE(world.core.status(1).paused);
   ASSERT_TRUE(world.mission.end("enough"));
   for (int i = 0; i < 50; ++i) world.conduct();
-  EXPECT_EQ(world.core.status(1).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(1).phase, GroundPhase::landed);
 }
 
 }  // namespace

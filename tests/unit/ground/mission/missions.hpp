@@ -25,7 +25,7 @@ inline DroneNow standing(std::string name, double x, double y) {
 inline DroneNow hovering(std::string name, double x, double y, double z = 1) {
   DroneNow now = standing(std::move(name), x, y);
   now.on_ground = false;
-  now.phase = DronePhase::manual;
+  now.phase = GroundPhase::manual;
   now.at_m->z() = z;
   return now;
 }

@@ -155,7 +155,7 @@ TEST(MissionRun, PausedBeforeItsPathsItWaitsWithThem) {
 TEST(MissionRun, OneThatIsPausedByHandPausesAll) {
   Flight flight({.on_loss = OnLoss::go_on});
   flight.to_paths();
-  flight.drone("tello1").phase = DronePhase::manual;
+  flight.drone("tello1").phase = GroundPhase::manual;
   flight.drone("tello1").paused = true;
   flight.step();
   EXPECT_THAT(flight.commanded(), ElementsAre("tello2 pause"));
@@ -186,13 +186,13 @@ TEST(MissionRun, ALossIsAnsweredByItsRule) {
     const char* words;
   };
   const std::vector<Loss> losses{
-      {"lands", [](Flight&, DroneNow& d) { d.phase = DronePhase::landing; }, "it lands"},
-      {"stopped", [](Flight&, DroneNow& d) { d.phase = DronePhase::landing, d.why = "stopped by X"; }, "stopped by X"},
-      {"down", [](Flight&, DroneNow& d) { d.phase = DronePhase::landed, d.on_ground = true; }, "it lands"},
-      {"lease", [](Flight&, DroneNow& d) { d.phase = DronePhase::waiting, d.why = "lost its lease"; },
+      {"lands", [](Flight&, DroneNow& d) { d.phase = GroundPhase::landing; }, "it lands"},
+      {"stopped", [](Flight&, DroneNow& d) { d.phase = GroundPhase::landing, d.why = "stopped by X"; }, "stopped by X"},
+      {"down", [](Flight&, DroneNow& d) { d.phase = GroundPhase::landed, d.on_ground = true; }, "it lands"},
+      {"lease", [](Flight&, DroneNow& d) { d.phase = GroundPhase::waiting, d.why = "lost its lease"; },
        "lost its lease"},
-      {"failed", [](Flight&, DroneNow& d) { d.phase = DronePhase::failed; }, "it is flown no longer"},
-      {"gave up", [](Flight&, DroneNow& d) { d.phase = DronePhase::manual; }, "it gave up its path"},
+      {"failed", [](Flight&, DroneNow& d) { d.phase = GroundPhase::failed; }, "it is flown no longer"},
+      {"gave up", [](Flight&, DroneNow& d) { d.phase = GroundPhase::manual; }, "it gave up its path"},
       {"other path", [](Flight&, DroneNow& d) { ++d.paths; }, "somebody else flies it"},
       {"gone", [](Flight&, DroneNow& d) { d.name = "other"; }, "it does not fly here"},
   };
@@ -241,7 +241,7 @@ TEST(MissionRun, ADroneThatItsFailsafeBrakesForAMomentIsWaitedForAndCommandedAga
   EXPECT_THAT(flight.commanded(), IsEmpty());
   flight.deaf = "";
   for (int i = 0; i < 4; ++i) flight.step();
-  EXPECT_EQ(flight.drone("tello2").phase, DronePhase::path);
+  EXPECT_EQ(flight.drone("tello2").phase, GroundPhase::path);
 }
 
 TEST(MissionRun, ADroneThatDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
@@ -296,7 +296,7 @@ TEST(MissionRun, ATakeOffThatNeverEndsIsALoss) {
 TEST(MissionRun, WithNoDroneLeftItIsAborted) {
   Flight flight({.on_loss = OnLoss::go_on});
   flight.to_paths();
-  flight.drone("tello1").phase = flight.drone("tello2").phase = DronePhase::failed;
+  flight.drone("tello1").phase = flight.drone("tello2").phase = GroundPhase::failed;
   flight.step();
   EXPECT_EQ(flight.run.phase(), RunPhase::aborted);
   EXPECT_EQ(flight.run.why(), "no drone is left");

@@ -113,7 +113,7 @@ TEST(Predictor, LearnsASteadyWind) {
 
 StateSample at(TimeNs stamp_ns, double x) {
   StateSample s;
-  s.phase = FlightPhase::flying;
+  s.phase = LinkPhase::flying;
   s.stamp_ns = s.pose_stamp_ns = stamp_ns;
   s.position_m = {x, 0, 1};
   return s;

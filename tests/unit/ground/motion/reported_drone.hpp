@@ -33,7 +33,7 @@ class ReportedDrone {
   /// As link and agent would say it.
   StateSample state() {
     StateSample s;
-    s.phase = FlightPhase::flying;
+    s.phase = LinkPhase::flying;
     s.stamp_ns = s.pose_stamp_ns = now_ns;
     for (std::size_t i = 0; i < 3; ++i) {
       s.position_m[i] = position[static_cast<int>(i)] + noise_m_ * random_.normal();

@@ -32,7 +32,7 @@ std::unique_ptr<Follower> odd(const std::string& which) {
 StateSample state_at(TimeNs stamp_ns) {
   StateSample state;
   state.stamp_ns = state.pose_stamp_ns = stamp_ns;
-  state.phase = FlightPhase::flying;
+  state.phase = LinkPhase::flying;
   return state;
 }
 
@@ -132,7 +132,7 @@ TEST(Plugin, ADroneWhoseControllerSaysNonsenseIsLanded) {
   const FlightStatus status = world.core.status(0);
   EXPECT_TRUE(world.core.done());
   EXPECT_FALSE(world.core.ok());
-  EXPECT_EQ(status.phase, DronePhase::landed);
+  EXPECT_EQ(status.phase, GroundPhase::landed);
   EXPECT_THAT(status.why, HasSubstr("setpoint 2 has nan, which no drone can fly"));
 }
 
@@ -141,7 +141,7 @@ TEST(Plugin, ADroneThatItDoesNotFlyStaysOnTheGround) {
   config.drones[0].name = "refuses";
   FlightWorld world(config);
   world.run(60);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::failed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::failed);
   EXPECT_THAT(world.core.why(), HasSubstr("does not fly refuses"));
   EXPECT_TRUE(world.drones[0].plans.empty());
 }

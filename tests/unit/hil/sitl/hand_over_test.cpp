@@ -33,7 +33,7 @@ class OtherGround {
     apply_updates(outcomes, port_.pop_blocks(), [this](const ground::FlightInputs& inputs) { give(inputs); });
     if (now % (50 * ns_per_ms) == 0) give({});
   }
-  bool flies() const { return core_.status(0).phase == ground::DronePhase::manual; }
+  bool flies() const { return core_.status(0).phase == ground::GroundPhase::manual; }
 
  private:
   static ground::FlightConfig flight(SimulatedWorld& world, const WorldConfig& config) {
@@ -115,7 +115,7 @@ Flown fly(std::uint64_t seed, int hand_overs, int evictions) {
   const auto flies = [&](Stopper who) {
     return who == Stopper::supervisor
                ? other.flies()
-               : world.ground() != nullptr && world.ground()->status(0).phase == ground::DronePhase::manual;
+               : world.ground() != nullptr && world.ground()->status(0).phase == ground::GroundPhase::manual;
   };
   while (world.now() < 1'000 * ns_per_s &&
          (flown.hand_overs < hand_overs || flown.evictions < evictions || !flies(holder))) {

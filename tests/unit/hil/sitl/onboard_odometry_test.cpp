@@ -46,7 +46,7 @@ Report fly(const WorldConfig& config) {
   while (!(*world)->ground_done() && (*world)->now() < 300 * ns_per_s) {
     (*world)->step();
     const Pose pose = (*world)->link()->pose(1);
-    if (pose.stamp_ns == last_ns || (*world)->link()->phase(1) != FlightPhase::flying) continue;
+    if (pose.stamp_ns == last_ns || (*world)->link()->phase(1) != LinkPhase::flying) continue;
     last_ns = pose.stamp_ns;
     const auto truth = (*world)->sim().truth(1);
     std::array<double, 2> error{};

@@ -22,13 +22,13 @@ class PilotPathTest : public testing::Test {
     world_ = std::move(*made);
     run(2);
     world_->post_command({.drone = 0, .takeoff = true});
-    ASSERT_TRUE(run_until(ground::DronePhase::manual, 20));
+    ASSERT_TRUE(run_until(ground::GroundPhase::manual, 20));
   }
 
   void run(double seconds) {
     for (const TimeNs end_ns = world_->now() + from_seconds(seconds); world_->now() < end_ns;) step();
   }
-  bool run_until(ground::DronePhase phase, double limit_s) {
+  bool run_until(ground::GroundPhase phase, double limit_s) {
     for (const TimeNs end_ns = world_->now() + from_seconds(limit_s); world_->now() < end_ns;) {
       step();
       if (status().phase == phase) return true;
@@ -64,7 +64,7 @@ class PilotPathTest : public testing::Test {
 TEST_F(PilotPathTest, IsFlownPausedResumedAndComesBackAndTheFailsafeHasNothingToDo) {
   troubles_ = 0;
   order(Order::Kind::path, {at(1.5, 0), at(1.5, 1.5), at(0.5, 1.5)});
-  ASSERT_EQ(status().phase, ground::DronePhase::path);
+  ASSERT_EQ(status().phase, ground::GroundPhase::path);
   run(2);
   world_->post_command({.drone = 0, .pause = true});
   run(0.1);
@@ -75,13 +75,13 @@ TEST_F(PilotPathTest, IsFlownPausedResumedAndComesBackAndTheFailsafeHasNothingTo
   const auto& now_m = world_->drones()[0].truth.position_m;
   EXPECT_LT(std::hypot(now_m[0] - here_m[0], now_m[1] - here_m[1]), 0.3) << "it hovers";
   order(Order::Kind::resume);
-  ASSERT_TRUE(run_until(ground::DronePhase::manual, 40));
+  ASSERT_TRUE(run_until(ground::GroundPhase::manual, 40));
   EXPECT_LT(away_m(at(0.5, 1.5)), 0.3);
   order(Order::Kind::return_home);
-  ASSERT_TRUE(run_until(ground::DronePhase::manual, 30));
+  ASSERT_TRUE(run_until(ground::GroundPhase::manual, 30));
   EXPECT_LT(away_m(at(0, 0)), 0.3);
   order(Order::Kind::path, {at(1, 1)}, true);
-  ASSERT_TRUE(run_until(ground::DronePhase::landed, 40));
+  ASSERT_TRUE(run_until(ground::GroundPhase::landed, 40));
   EXPECT_LT(away_m(at(1, 1)), 0.4);
   EXPECT_EQ(status().why, "");
   EXPECT_EQ(status().pilot.refused, 0U);

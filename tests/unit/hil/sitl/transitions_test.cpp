@@ -68,7 +68,7 @@ class Host {
       (void)ledger_.pop_blocks(world.now, client_);
     }
   }
-  void step_until(FlightPhase phase) {
+  void step_until(LinkPhase phase) {
     for (int i = 0; i < 60'000 && world.core.phase(1) != phase; ++i) step();
     ASSERT_EQ(world.core.phase(1), phase);
   }
@@ -137,7 +137,7 @@ class Host {
   }
 
   void pilot() {
-    if (world.core.phase(1) == FlightPhase::flying) {
+    if (world.core.phase(1) == LinkPhase::flying) {
       world.fly_plan({0, 0, 0}, 4);
     } else if (!is_in_flight(world.core.phase(1)) && world.now % (33 * 10 * ms) == 0) {
       world.plan(PlanAction::takeoff);
@@ -189,10 +189,10 @@ class Host {
 
 TEST(Transitions, OfAnUndisturbedFlightAreOnTheLedgerOnceEach) {
   Host host(1);
-  host.step_until(FlightPhase::flying);
+  host.step_until(LinkPhase::flying);
   host.pass(ns_per_s);
   host.piloted = false;
-  host.step_until(FlightPhase::landed);
+  host.step_until(LinkPhase::landed);
   host.pass(ns_per_s);
   EXPECT_EQ(host.expect_none_lost(), 0U);
   EXPECT_GE(host.made(), 6U) << "on the ground, taking off, flying, hold, landing, landed";
@@ -200,10 +200,10 @@ TEST(Transitions, OfAnUndisturbedFlightAreOnTheLedgerOnceEach) {
 
 TEST(Transitions, WhileAgentIsDeadWaitInLink) {
   Host host(2);
-  host.step_until(FlightPhase::flying);
+  host.step_until(LinkPhase::flying);
   host.pass(ns_per_s);
   host.kill_agent();
-  host.step_until(FlightPhase::landed);
+  host.step_until(LinkPhase::landed);
   const auto before = host.on_ledger().size();
   host.start_agent();
   host.piloted = false;
@@ -214,10 +214,10 @@ TEST(Transitions, WhileAgentIsDeadWaitInLink) {
 
 TEST(Transitions, WhileTheLedgerIsAwayWaitInAgent) {
   Host host(3);
-  host.step_until(FlightPhase::flying);
+  host.step_until(LinkPhase::flying);
   host.pass(ns_per_s);
   host.away = true;
-  host.step_until(FlightPhase::landed);
+  host.step_until(LinkPhase::landed);
   const auto before = host.on_ledger().size();
   host.pass(10 * ns_per_s);
   EXPECT_EQ(host.on_ledger().size(), before);
@@ -229,12 +229,12 @@ TEST(Transitions, WhileTheLedgerIsAwayWaitInAgent) {
 
 TEST(Transitions, SurviveAnAgentThatDiesWhileTheLedgerIsAway) {
   Host host(4);
-  host.step_until(FlightPhase::flying);
+  host.step_until(LinkPhase::flying);
   host.pass(ns_per_s);
   host.away = true;
   host.pass(3 * ns_per_s);
   host.kill_agent();  // with what it kept
-  host.step_until(FlightPhase::landed);
+  host.step_until(LinkPhase::landed);
   host.start_agent();
   host.pass(5 * ns_per_s);
   host.away = false;
@@ -244,11 +244,11 @@ TEST(Transitions, SurviveAnAgentThatDiesWhileTheLedgerIsAway) {
 
 TEST(Transitions, WhoseCallsFateIsUnknownMayBeThereTwiceWithTheSameNumber) {
   Host host(5);
-  host.step_until(FlightPhase::flying);
+  host.step_until(LinkPhase::flying);
   host.pass(ns_per_s);
   host.away = host.answers_are_lost = true;
   host.piloted = false;
-  host.step_until(FlightPhase::landed);
+  host.step_until(LinkPhase::landed);
   host.away = false;
   host.pass(3 * ns_per_s);
   EXPECT_GT(host.expect_none_lost(), 0U);

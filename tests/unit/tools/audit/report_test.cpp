@@ -185,7 +185,7 @@ TEST_F(ReportTest, TheFlownPathIsThinnedAndTheFailsafesTransitionsAreKept) {
   Transition transition;
   transition.boot_id = 7;
   transition.number = 3;
-  transition.phase = FlightPhase::flying;
+  transition.phase = LinkPhase::flying;
   transition.mode = FailsafeMode::hold;
   transition.cause = FailsafeCause::ledger_silent;
   transition.stamp_ns = 5;

@@ -99,7 +99,7 @@ TEST(AnAsset, IsDecodedOfAnchorsAndOfTransitionsAndAlarmsToo) {
   EXPECT_THAT(asset_json(asset)["value"]["digest"].get<std::string>(), StartsWith("6464"));
   EXPECT_EQ(arguments_json("anchor", {call.SerializeAsString()}), asset_json(asset)["value"]);
   Transition transition;
-  transition.phase = FlightPhase::flying;
+  transition.phase = LinkPhase::flying;
   transition.mode = FailsafeMode::hold;
   transition.cause = FailsafeCause::ledger_silent;
   transition.number = 3;

@@ -63,7 +63,7 @@ TEST(Report, MomentsAreWhereLinkReportedADroneWithItsSpeed) {
 }
 
 TEST(Report, ModeChangesHaveTheirNamesAndADamagedOneIsUnknown) {
-  TraceRecord changed = record(TraceKind::mode, 2 * ns_per_s, 1, static_cast<std::uint64_t>(FlightPhase::flying), 0,
+  TraceRecord changed = record(TraceKind::mode, 2 * ns_per_s, 1, static_cast<std::uint64_t>(LinkPhase::flying), 0,
                                static_cast<double>(FailsafeCause::fence));
   changed.extra = static_cast<std::uint32_t>(FailsafeMode::brake);
   const TraceRecord damaged = record(TraceKind::mode, 3 * ns_per_s, 1, 77, 0, -1);
@@ -242,7 +242,7 @@ TEST_F(RunDirectory, TheTableSaysWhenTheFailsafeActedAndWhoStoppedTheDrone) {
   for (const FailsafeMode mode : {FailsafeMode::none, FailsafeMode::land, FailsafeMode::land}) {
     const auto count = static_cast<TimeNs>(modes.size());
     modes.push_back(record(TraceKind::mode, (3'400 + 100 * count) * ns_per_ms, 1,
-                           static_cast<std::uint64_t>(FlightPhase::flying), 0,
+                           static_cast<std::uint64_t>(LinkPhase::flying), 0,
                            static_cast<double>(FailsafeCause::stopped)));
     modes.back().extra = static_cast<std::uint32_t>(mode);
   }

@@ -21,7 +21,7 @@ class Api : public testing::Test {
   std::vector<std::size_t> stopped;            ///< none
   std::vector<std::size_t> stopped_by_ground;  ///< none
   std::vector<LeaseState> leases;              ///< not known
-  std::vector<DronePhase> phases;              ///< not known
+  std::vector<GroundPhase> phases;             ///< not known
   bool manual = true;
   const mission::Fence fence{{-5, -5, 0}, {5, 5, 2}};
   std::vector<Operator> operators;  ///< none: ground's own identity signs all
@@ -161,7 +161,7 @@ TEST_F(Api, ACutInTheAirIsConfirmed) {
 TEST_F(Api, AStoppedDroneTakesOffOnlyOnceItsStopIsCleared) {
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop").status, 409U) << "it is not stopped";
   stopped = {0};
-  phases = {DronePhase::landed, DronePhase::waiting};
+  phases = {GroundPhase::landed, GroundPhase::waiting};
   EXPECT_THAT(ask("POST", "/api/v1/drones/tello1/takeoff").body, HasSubstr("clear the stop first"));
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello2/takeoff").status, 202U);
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop").status, 409U) << "by others";
@@ -181,18 +181,18 @@ TEST_F(Api, AnOrderThatDoesNotFitTheDronesPhaseIsRefusedAtOnce) {
     EXPECT_EQ(made.status, made.commands.empty() ? 409U : 202U) << verb;
     return made.commands.empty() ? made.body : "";
   };
-  phases = {DronePhase::landed, DronePhase::waiting};
+  phases = {GroundPhase::landed, GroundPhase::waiting};
   EXPECT_EQ(refused("takeoff"), "");
   for (const char* verb : {"path", "pause", "resume", "return"})
     EXPECT_THAT(refused(verb), HasSubstr("tello1 is on the ground: let it take off first")) << verb;
   aloft = {0};
   EXPECT_EQ(refused("path"), "") << "why it is not flown from here, the flight says";
-  phases[0] = DronePhase::takeoff;
+  phases[0] = GroundPhase::takeoff;
   EXPECT_THAT(refused("path"), HasSubstr("is taking off: wait"));
-  phases[0] = DronePhase::manual;
+  phases[0] = GroundPhase::manual;
   EXPECT_EQ(refused("path"), "");
   EXPECT_THAT(refused("takeoff"), HasSubstr("in the air already: land it first"));
-  phases[0] = DronePhase::landing;
+  phases[0] = GroundPhase::landing;
   for (const char* verb : {"takeoff", "path"}) EXPECT_THAT(refused(verb), HasSubstr("is landing: wait")) << verb;
   for (const char* verb : {"land", "stop"}) EXPECT_EQ(refused(verb), "") << verb;
   manual = false;

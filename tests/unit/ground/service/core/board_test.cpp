@@ -118,7 +118,7 @@ TEST(Board, AStopThatIsClearedIsNoReasonAnyMore) {
   world.run(5);
   world.say({.drone = 0, .stop = true});
   world.run(10);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::landed);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_THAT(why(), HasSubstr("stopped by"));
   Control cleared = *world.core.lease(0).record;
   cleared.clear_stoppers();
@@ -199,7 +199,7 @@ TEST(Board, AnEventSaysWhatChangedAndIsSentOnce) {
   EXPECT_THAT(words(first), Contains("tello1: link reaches it"));
   EXPECT_EQ(first.front().number, 1U);
   EXPECT_TRUE(board.update(world.now_ns, world.core, {}).empty());
-  world.drones[0].phase = FlightPhase::disconnected;
+  world.drones[0].phase = LinkPhase::disconnected;
   world.run(0.5);
   const auto lost = board.update(world.now_ns, world.core, {"tello1: no take-off: link does not reach it"});
   EXPECT_THAT(words(lost), Contains("tello1: link does not reach it"));

@@ -129,7 +129,7 @@ TEST_F(Book, ADroneFliesInOneMissionAtATime) {
   ASSERT_TRUE(book.land(first, "test"));
   run(15);
   EXPECT_EQ(one(first)["phase"], "aborted");
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::landed);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::landed);
   EXPECT_TRUE(start(second));
   run(5);
   ASSERT_TRUE(book.land(second, "test"));
@@ -206,17 +206,17 @@ TEST_F(Book, ADroneThatIsHandedOverIsLostForItsMissionAndHovers) {
   const std::string id = approved("survey", {"tello1", "tello2"});
   ASSERT_TRUE(start(id, alice));
   for (int i = 0; i < 100 && one(id)["phase"] != "to_start"; ++i) run(0.1);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
   Control record = control_record("tello1", bob, 3);
   record.mutable_delegate()->set_msp_id(operator_name.msp_id);
   record.mutable_delegate()->set_subject(operator_name.subject);
   ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));
   run(0.5);
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual) << "a path is its giver's";
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual) << "a path is its giver's";
   EXPECT_THAT(reported, Contains(HasSubstr("lost it: ")));
   run(2);
   EXPECT_TRUE(one(id)["paused"].get<bool>());
-  EXPECT_EQ(world.core.status(1).phase, DronePhase::manual) << "all hover";
+  EXPECT_EQ(world.core.status(1).phase, GroundPhase::manual) << "all hover";
 }
 
 TEST_F(Book, ADroneThatHasMovedSinceItWasCheckedIsCheckedAgain) {
@@ -235,18 +235,18 @@ TEST_F(Book, AnAbortedMissionOfBeforeLandsNobody) {
   run(5);
   ASSERT_TRUE(book.land(id, "test"));
   run(10);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::landed);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::landed);
   const std::string kept = book.saved(id);
   world.say({.drone = 0, .takeoff = true});
   world.run(6);
-  ASSERT_EQ(world.core.status(0).phase, DronePhase::manual);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::manual);
   MissionBook other({}, operator_name);
   ASSERT_TRUE(other.restore(kept));
   for (int i = 0; i < 100; ++i) {
     world.run(0.05);
     for (const PilotCommand& command : other.step(world.now_ns, world.core).commands) world.say(command);
   }
-  EXPECT_EQ(world.core.status(0).phase, DronePhase::manual) << "it was seen down once";
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual) << "it was seen down once";
 }
 
 TEST_F(Book, TheSameMissionIsThereOnceAndThereAreNotTooMany) {

@@ -83,7 +83,7 @@ TEST_F(TwoDronesOfAlice, HoldWhatTheLedgerSaysThatWeCommandForThem) {
       << "tello2 is hers, and commanded from elsewhere";
   EXPECT_THAT(drones_held_by(world.core, alice).aloft, IsEmpty());
   EXPECT_THAT(drones_held_by(world.core, outsider_name).drones, IsEmpty());
-  world.drones[0].phase = FlightPhase::flying;
+  world.drones[0].phase = LinkPhase::flying;
   world.run(1);
   EXPECT_THAT(drones_held_by(world.core, alice).aloft, ElementsAre(0));
   EXPECT_THAT(aloft_of(world.core), ElementsAre(0));

@@ -23,7 +23,7 @@ class CheckedRun {
     checker_ = std::make_unique<Checker>(rules, Limits{});
     drones.resize(1);
     drones[0].name = "tello1";
-    drones[0].phase = FlightPhase::flying;
+    drones[0].phase = LinkPhase::flying;
     drones[0].truth.in_flight = true;
     drones[0].truth.position_m = {0, 0, 1};
   }
@@ -197,7 +197,7 @@ TEST(FaultChecker, ABlindDroneThatIsNotSeenCannotStop) {
     std::vector<Moment::Excuse> excuses(1);
     excuses[0].blind = blind;
     run.moment.excuses = excuses;
-    run.drones[0].phase = FlightPhase::disconnected;
+    run.drones[0].phase = LinkPhase::disconnected;
     run.drones[0].truth.velocity_mps[0] = 0.5;
     run.pass(2 * ns_per_s);
     EXPECT_EQ(run.broken().contains("always: who is not seen is stopped and landed"), !blind);
@@ -256,7 +256,7 @@ TEST(FaultChecker, ABrokenTimeSaysWhatItCountsFromAndWhoHadLanded) {
   for (const TimeNs more : {ns_per_s, 3 * ns_per_s}) {  // the run's end, or the time's
     CheckedRun run("resumes within 2 s");
     run.pass(ns_per_s);
-    run.drones[0].phase = FlightPhase::landed;
+    run.drones[0].phase = LinkPhase::landed;
     run.drones[0].truth = {};
     run.pass(ns_per_s);
     run.moment.last_fault_end_ns = run.moment.now;
@@ -407,7 +407,7 @@ TEST(FaultChecker, WhoIsNotSeenMustStopAndComeDown) {
     excuses[0].deaf = deaf;
     run.moment.excuses = excuses;
     run.moment.link_runs = link_runs;
-    run.drones[0].phase = FlightPhase::disconnected;
+    run.drones[0].phase = LinkPhase::disconnected;
     run.drones[0].truth.velocity_mps = {0, mps, -0.5};
     run.pass(duration);
     return run.broken().contains("always: who is not seen is stopped and landed");

@@ -37,15 +37,15 @@ TEST_F(LiveObservationTest, SaysWhereADroneIsInWhichPhaseAndLap) {
   made.v[3] = 1.5 * ground::Path(script_.flight.shape, {0, 0}, script_.flight.side_m).length_m();
   write("sim.trace", {truth});
   write("link.trace",
-        {{.t_ns = 4, .kind = TraceKind::mode, .drone = 1, .id = static_cast<std::uint64_t>(FlightPhase::flying)}});
+        {{.t_ns = 4, .kind = TraceKind::mode, .drone = 1, .id = static_cast<std::uint64_t>(LinkPhase::flying)}});
   write("ground.trace", {made});
   live.read();
   const DroneObservation& drone = live.drones()[0];
   EXPECT_EQ(live.begin_ns(), 4);
   EXPECT_TRUE(drone.truth.in_flight);
   EXPECT_DOUBLE_EQ(drone.truth.position_m[2], 0.75);
-  EXPECT_EQ(drone.phase, FlightPhase::flying);
-  EXPECT_EQ(drone.ground_phase, ground::DronePhase::path);
+  EXPECT_EQ(drone.phase, LinkPhase::flying);
+  EXPECT_EQ(drone.ground_phase, ground::GroundPhase::path);
   EXPECT_EQ(drone.lap, 2);
 }
 

@@ -232,15 +232,15 @@ class Flight : public testing::Test {
     recording.end_ns = start + 20 * ns_per_s;
     recording.over = recording.ok = true;
     for (TimeNs t = 0; t <= 20 * ns_per_s; t += ns_per_s / 30) place(t, position(t));
-    mode(0, FlightPhase::on_ground);
-    mode(ns_per_s, FlightPhase::taking_off);
-    mode(3 * ns_per_s, FlightPhase::flying);
+    mode(0, LinkPhase::on_ground);
+    mode(ns_per_s, LinkPhase::taking_off);
+    mode(3 * ns_per_s, LinkPhase::flying);
     for (TimeNs t = 3 * ns_per_s; t < 15 * ns_per_s; t += 50 * ns_per_ms) {
       applied(t, 80 * ns_per_ms, static_cast<std::uint64_t>(t / ns_per_ms));
       made(t, t < 4 * ns_per_s ? 0 : to_seconds(t - 4 * ns_per_s) * 0.15);
     }
-    mode(15 * ns_per_s, FlightPhase::landing);
-    mode(18 * ns_per_s, FlightPhase::landed);
+    mode(15 * ns_per_s, LinkPhase::landing);
+    mode(18 * ns_per_s, LinkPhase::landed);
   }
   static std::array<double, 3> position(TimeNs t) {
     const double s = to_seconds(t);
@@ -252,7 +252,7 @@ class Flight : public testing::Test {
     std::copy(at.begin(), at.end(), r.v);
     recording.sim.push_back(r);
   }
-  void mode(TimeNs t, FlightPhase phase, FailsafeMode mode = FailsafeMode::none,
+  void mode(TimeNs t, LinkPhase phase, FailsafeMode mode = FailsafeMode::none,
             FailsafeCause cause = FailsafeCause::none) {
     TraceRecord r{.t_ns = start + t,
                   .kind = TraceKind::mode,
@@ -330,7 +330,7 @@ TEST_F(Flight, IsBrokenByWhatTheTracesShow) {
     return r.kind == TraceKind::command_applied && r.t_ns - start > 8 * ns_per_s;
   });
   EXPECT_THAT(broken(""), ElementsAre("always: a hold or a landing after silence"));
-  mode(9 * ns_per_s, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
+  mode(9 * ns_per_s, LinkPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
   EXPECT_THAT(broken(""), ElementsAre("always: a hold ends in a landing"));
   recording = good;
   recording.over = false;
@@ -364,10 +364,10 @@ TEST_F(Flight, IsBrokenByALinkThatHoldsAndStillTellsTheDroneASpeed) {
   std::erase_if(recording.link, [](const TraceRecord& r) {
     return r.kind == TraceKind::command_applied && r.t_ns - start > 8 * ns_per_s;
   });
-  mode(10 * ns_per_s, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
-  mode(12 * ns_per_s, FlightPhase::flying);
+  mode(10 * ns_per_s, LinkPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
+  mode(12 * ns_per_s, LinkPhase::flying);
   applied(12 * ns_per_s, 80 * ns_per_ms);
-  mode(13 * ns_per_s, FlightPhase::landing);
+  mode(13 * ns_per_s, LinkPhase::landing);
   rc(10 * ns_per_s, {0, 0, 0, 0});
   EXPECT_THAT(broken(""), IsEmpty());
   rc(10'100 * ns_per_ms, {0, 30, 0, 0});
@@ -375,8 +375,8 @@ TEST_F(Flight, IsBrokenByALinkThatHoldsAndStillTellsTheDroneASpeed) {
 }
 
 TEST_F(Flight, IsBrokenByAPlanFlownOnBehindABrake) {
-  mode(8 * ns_per_s, FlightPhase::flying, FailsafeMode::brake, FailsafeCause::pose_lost);
-  mode(9 * ns_per_s, FlightPhase::flying);
+  mode(8 * ns_per_s, LinkPhase::flying, FailsafeMode::brake, FailsafeCause::pose_lost);
+  mode(9 * ns_per_s, LinkPhase::flying);
   rc(9 * ns_per_s, {0, 30, 0, 0});
   apply_nothing(8 * ns_per_s, 9 * ns_per_s);
   EXPECT_THAT(broken(""), IsEmpty());
@@ -436,8 +436,8 @@ TEST_F(Flight, OfTheSdkIsCheckedByTheTruthAlone) {
 TEST_F(Flight, CountsFromTheFaultsThatItHad) {
   recording.faults = {{"ledger stall", start + 6 * ns_per_s, start + 8 * ns_per_s}};
   const std::string fault = "[[fault]]\nwhat = \"ledger stall\"\nfor = \"2s\"\n";
-  mode(6'700 * ns_per_ms, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::ledger_silent);
-  mode(8'300 * ns_per_ms, FlightPhase::flying);
+  mode(6'700 * ns_per_ms, LinkPhase::flying, FailsafeMode::hold, FailsafeCause::ledger_silent);
+  mode(8'300 * ns_per_ms, LinkPhase::flying);
   EXPECT_THAT(broken("\"holds within 1 s\", \"resumes within 500 ms\", \"ledger silent is seen\"", fault), IsEmpty());
   EXPECT_THAT(broken("\"holds within 500 ms\", \"resumes within 200 ms\", \"pose lost is seen\"", fault),
               ElementsAre("holds within 500 ms", "resumes within 200 ms", "pose lost is seen"));
@@ -452,12 +452,12 @@ TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
   for (TraceRecord& r : recording.sim) {
     if (r.t_ns - start > 8 * ns_per_s && r.t_ns - start < 9 * ns_per_s) r.v[1] = 0.25;
   }
-  mode(500 * ns_per_ms, FlightPhase::disconnected);                                      // before take-off
-  mode(19 * ns_per_s, FlightPhase::landed, FailsafeMode::none, FailsafeCause::stopped);  // link ends
+  mode(500 * ns_per_ms, LinkPhase::disconnected);                                      // before take-off
+  mode(19 * ns_per_s, LinkPhase::landed, FailsafeMode::none, FailsafeCause::stopped);  // link ends
   Agreement other = compare(a, check_recording(script, 1, recording));
   EXPECT_TRUE(other.same_transitions);
   EXPECT_NEAR(other.farthest_m, 0.25, 0.01);
-  mode(9 * ns_per_s, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
+  mode(9 * ns_per_s, LinkPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
   other = compare(a, check_recording(script, 1, recording));
   EXPECT_FALSE(other.same_transitions);
   EXPECT_THAT(other.difference, HasSubstr("flying, hold (plan_ran_out)"));

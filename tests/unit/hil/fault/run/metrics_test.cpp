@@ -15,7 +15,7 @@ struct Flown {
   Flown() {
     drones.resize(2);
     for (std::size_t i = 0; i < 2; ++i) {
-      drones[i].phase = FlightPhase::flying;
+      drones[i].phase = LinkPhase::flying;
       drones[i].truth.in_flight = true;
       drones[i].truth.position_m = {static_cast<double>(2 * i), 0, 1};
     }
@@ -97,7 +97,7 @@ TEST(Metrics, CountHoldsInFlightAndHowLongTheyLast) {
   mode(FailsafeMode::hold, 300 * ns_per_ms);
   mode(FailsafeMode::brake, 100 * ns_per_ms);
   mode(FailsafeMode::land, 100 * ns_per_ms);
-  flown.drones[0].phase = FlightPhase::landed;
+  flown.drones[0].phase = LinkPhase::landed;
   mode(FailsafeMode::none, 100 * ns_per_ms);
   mode(FailsafeMode::hold, 100 * ns_per_ms);
   const auto metrics = flown.metrics();

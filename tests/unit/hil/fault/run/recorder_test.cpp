@@ -68,7 +68,7 @@ TEST(RunRecorder, TheLimitsLeaveRoomForTheErrorOfOnboardOdometryAndNoMore) {
 TEST(RunRecorder, KeepsEventsButThoseOfEachPlanAndSaysTheModeInWords) {
   Recorded run;
   RunRecorder recorder(run.script, 1, run.drones);
-  run.drones[0].phase = FlightPhase::flying;
+  run.drones[0].phase = LinkPhase::flying;
   run.drones[0].mode = FailsafeMode::hold;
   run.drones[0].cause = FailsafeCause::pose_lost;
   run.events = {{1, WorldEvent::Kind::applied, 0, 0.1, {}, 5},

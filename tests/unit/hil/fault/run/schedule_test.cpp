@@ -95,7 +95,7 @@ TEST(FaultOverlap, ARestartEndsNoCut) {
 TEST(FaultClock, AJumpShorterThanStampsMayBeOffLosesNoPose) {
   for (const char* jump : {"clock jump 3ms", "clock jump 20ms", "clock jump -20ms", "clock jump -900ms"}) {
     Faulty run({{jump, "flying + 500ms", ""}});
-    while (run.world->drones()[0].phase != FlightPhase::flying) run.fly_to(to_seconds(run.world->now()) + 0.1);
+    while (run.world->drones()[0].phase != LinkPhase::flying) run.fly_to(to_seconds(run.world->now()) + 0.1);
     const double begin_s = to_seconds(run.world->now());
     for (double t_s = begin_s; t_s < begin_s + 2; t_s += 0.01) {
       run.fly_to(t_s);

@@ -141,7 +141,7 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsRepeatedUntilLinkObeys) {
   add_stop(stopped, testing::stop_of("tello1"));
   core_.set_control(start, stopped);
   StateSample flying = state(1, start);
-  flying.phase = FlightPhase::on_ground;
+  flying.phase = LinkPhase::on_ground;
   core_.on_state(start, flying, out_);
   ASSERT_EQ(out_.plans.size(), 1U) << "a link that restarted on the ground knows of none";
   EXPECT_EQ(out_.plans.back().action, PlanAction::stop);
@@ -152,7 +152,7 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsRepeatedUntilLinkObeys) {
   EXPECT_EQ(out_.plans.size(), 1U) << "link has it";
   out_.plans.clear();
   flying.cause = FailsafeCause::none;
-  flying.phase = FlightPhase::flying;
+  flying.phase = LinkPhase::flying;
   for (int i = 0; i < 30; ++i) core_.on_state(start + 2 * ns_per_s + i * 33 * ns_per_ms, flying, out_);
   ASSERT_GE(out_.plans.size(), 8U);
   ASSERT_LE(out_.plans.size(), 11U) << "at most ten a second";
@@ -170,18 +170,18 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsRepeatedUntilLinkObeys) {
 
 TEST_F(AgentCoreTest, ALinkThatHoldsOnToAStopThatNobodyHasOnTheLedgerIsReportedOnceASecondOnTheGround) {
   StateSample stopped = state(1, start);
-  stopped.phase = FlightPhase::landed;
+  stopped.phase = LinkPhase::landed;
   stopped.cause = FailsafeCause::stopped;
   for (int i = 0; i < 30; ++i) core_.on_state(start + i * 100 * ns_per_ms, stopped, out_);
   ASSERT_EQ(out_.plans.size(), 3U);
   EXPECT_EQ(out_.plans[0].action, PlanAction::stop_cleared) << "its own stop stands: that is the owner's word";
   EXPECT_EQ(out_.plans[0].verified_ns, start);
   out_.plans.clear();
-  stopped.phase = FlightPhase::landing;
+  stopped.phase = LinkPhase::landing;
   core_.on_state(start + 5 * ns_per_s, stopped, out_);
   EXPECT_TRUE(out_.plans.empty()) << "it lands";
   StateSample other = state(1, start, 2);
-  other.phase = FlightPhase::landed;
+  other.phase = LinkPhase::landed;
   other.cause = FailsafeCause::stopped;
   core_.on_state(start + 5 * ns_per_s, other, out_);
   EXPECT_TRUE(out_.plans.empty()) << "no record of it was read";
@@ -235,7 +235,7 @@ TEST_F(AgentCoreTest, ABatchThatLacksEndorsementsHasTheRecordsRenewed) {
 class IdleHolderTest : public AgentCoreTest {
  protected:
   /// States of the drone ten times a second, each on the ledger at once; evictions on the way.
-  std::size_t until(TimeNs end, FlightPhase phase) {
+  std::size_t until(TimeNs end, LinkPhase phase) {
     std::size_t evictions = 0;
     for (; now_ < end; now_ += 100 * ns_per_ms) {
       StateSample sample = state(++sequence_, now_);
@@ -267,8 +267,8 @@ class IdleHolderTest : public AgentCoreTest {
 };
 
 TEST_F(IdleHolderTest, LosesTheLeaseOnTheGroundAfterTheIdleTime) {
-  EXPECT_EQ(until(start + usual_idle_ns, FlightPhase::on_ground), 0U);
-  EXPECT_EQ(until(start + usual_idle_ns + ns_per_s, FlightPhase::landed), 1U);
+  EXPECT_EQ(until(start + usual_idle_ns, LinkPhase::on_ground), 0U);
+  EXPECT_EQ(until(start + usual_idle_ns + ns_per_s, LinkPhase::landed), 1U);
   ASSERT_TRUE(core_.has_calls_in_flight());
   core_.on_outcome(now_, eviction_, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: no"), out_);
   ASSERT_EQ(out_.evictions.size(), 1U);
@@ -278,9 +278,9 @@ TEST_F(IdleHolderTest, LosesTheLeaseOnTheGroundAfterTheIdleTime) {
 }
 
 TEST_F(IdleHolderTest, KeepsItInTheAirAndWithoutFreshState) {
-  EXPECT_EQ(until(start + 2 * usual_idle_ns, FlightPhase::flying), 0U);
-  EXPECT_EQ(until(now_ + 2 * usual_idle_ns, FlightPhase::disconnected), 0U);
-  EXPECT_EQ(until(now_ + usual_idle_ns / 2, FlightPhase::on_ground), 0U);
+  EXPECT_EQ(until(start + 2 * usual_idle_ns, LinkPhase::flying), 0U);
+  EXPECT_EQ(until(now_ + 2 * usual_idle_ns, LinkPhase::disconnected), 0U);
+  EXPECT_EQ(until(now_ + usual_idle_ns / 2, LinkPhase::on_ground), 0U);
   out_.clear();
   for (const TimeNs end = now_ + usual_idle_ns; now_ < end; now_ += 100 * ns_per_ms) core_.step(now_, out_);
   EXPECT_TRUE(out_.submits.empty()) << "a link that is gone says nothing: its drone may be anywhere";
@@ -288,16 +288,16 @@ TEST_F(IdleHolderTest, KeepsItInTheAirAndWithoutFreshState) {
 
 TEST_F(IdleHolderTest, KeepsItWithACommandNowAndThenAndDoesNotTakeOffWhileItIsTaken) {
   for (int i = 0; i < 3; ++i) {
-    EXPECT_EQ(until(now_ + usual_idle_ns - ns_per_s, FlightPhase::on_ground), 0U);
+    EXPECT_EQ(until(now_ + usual_idle_ns - ns_per_s, LinkPhase::on_ground), 0U);
     command_takeoff();
     EXPECT_EQ(out_.plans.size(), 1U);
   }
-  EXPECT_EQ(until(now_ + usual_idle_ns + ns_per_s, FlightPhase::on_ground), 1U);
+  EXPECT_EQ(until(now_ + usual_idle_ns + ns_per_s, LinkPhase::on_ground), 1U);
   command_takeoff();
   EXPECT_TRUE(out_.plans.empty()) << "it would be taken from him in the air";
   EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(RefusalReason::evicting)], 1U);
   core_.on_outcome(now_, eviction_, fabric::Outcome::failed(Kind::unavailable, "away"), out_);
-  EXPECT_EQ(until(now_ + 10 * ns_per_s, FlightPhase::on_ground), 0U) << "he is not idle any more";
+  EXPECT_EQ(until(now_ + 10 * ns_per_s, LinkPhase::on_ground), 0U) << "he is not idle any more";
   out_.clear();
   command_takeoff();
   EXPECT_EQ(out_.plans.size(), 1U);
@@ -317,7 +317,7 @@ TEST_F(AgentCoreTest, ALinkThatDoesNotSeeItsDroneGetsAStopOnceASecondUntilItLand
   add_stop(stopped, testing::stop_of("tello1"));
   core_.set_control(start, stopped);
   StateSample lost = state(1, start);
-  lost.phase = FlightPhase::disconnected;
+  lost.phase = LinkPhase::disconnected;
   for (int i = 0; i < 300; ++i) core_.on_state(start + i * 10 * ns_per_ms, lost, out_);
   EXPECT_EQ(out_.plans.size(), 3U);
   lost.mode = FailsafeMode::land;
@@ -371,15 +371,15 @@ TEST_F(AgentCoreTest, TheFirstHeartbeatWaitsForPosesNoLongerThanSetAndLaterOnesN
 }
 
 TEST_F(AgentCoreTest, APoseThatStandsStillToTheLastBitIsTrustedOnTheGroundAndNotInFlight) {
-  for (const FlightPhase phase : {FlightPhase::on_ground, FlightPhase::flying}) {
-    StateSample sample = state(phase == FlightPhase::flying ? 2 : 1, start);
+  for (const LinkPhase phase : {LinkPhase::on_ground, LinkPhase::flying}) {
+    StateSample sample = state(phase == LinkPhase::flying ? 2 : 1, start);
     sample.phase = phase;
     core_.on_state(start, sample, out_);
     out_.clear();
-    const TimeNs from = start + (phase == FlightPhase::flying ? 10 : 1) * ns_per_s;
+    const TimeNs from = start + (phase == LinkPhase::flying ? 10 : 1) * ns_per_s;
     for (int i = 0; i < 50; ++i)
       core_.on_mocap(from, 1, {.stamp_ns = from + i * 10 * ns_per_ms, .position_m = {1, 2, 3}}, out_);
-    EXPECT_EQ(out_.poses.empty(), phase == FlightPhase::flying);
+    EXPECT_EQ(out_.poses.empty(), phase == LinkPhase::flying);
   }
 }
 

@@ -17,7 +17,7 @@ LinkSettings free_by_hand(LinkSettings settings = {}) {
 void take_off_by_hand(LinkWorld& world) {
   world.pass(ns_per_s);
   world.plan(PlanAction::takeoff).body_frame = true;
-  for (int i = 0; i < 5000 && world.core.phase(1) != FlightPhase::flying; ++i) world.step();
+  for (int i = 0; i < 5000 && world.core.phase(1) != LinkPhase::flying; ++i) world.step();
 }
 
 void fly_by_hand(LinkWorld& world, const std::array<float, 3>& velocity, TimeNs duration) {
@@ -32,7 +32,7 @@ TEST(ByHand, ADroneWithoutAnyPoseTakesOffFliesAndLands) {
   world.mocap = false;
   world.tellos[0].yaw = 1.0;
   take_off_by_hand(world);
-  ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(world.core.phase(1), LinkPhase::flying);
   fly_by_hand(world, {0.5F, 0, 0}, 2 * ns_per_s);
   EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
   // Along its nose, though link never knew where that points.
@@ -40,14 +40,14 @@ TEST(ByHand, ADroneWithoutAnyPoseTakesOffFliesAndLands) {
   EXPECT_NEAR(world.tellos[0].position[1], std::sin(1.0), 0.15);
   world.plan(PlanAction::land);
   world.pass(10 * ns_per_s);
-  EXPECT_EQ(world.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(world.core.phase(1), LinkPhase::landed);
 }
 
 TEST(ByHand, APathWithoutAPoseDoesNotTakeOff) {
   LinkWorld world(1, free_by_hand());
   world.mocap = false;
   world.take_off();
-  EXPECT_EQ(world.core.phase(1), FlightPhase::on_ground);
+  EXPECT_EQ(world.core.phase(1), LinkPhase::on_ground);
 }
 
 TEST(ByHand, WithAPoseForwardIsAlongTheNoseAndTheFenceHolds) {
@@ -90,7 +90,7 @@ TEST(ByHand, WithoutAPoseItClimbsAndSinksByItsOwnHeightInEachFlight) {
   world.mocap = false;
   for (int flight = 0; flight < 3; ++flight) {
     take_off_by_hand(world);
-    ASSERT_EQ(world.core.phase(1), FlightPhase::flying) << flight;
+    ASSERT_EQ(world.core.phase(1), LinkPhase::flying) << flight;
     fly_by_hand(world, {0, 0, 0.5F}, 2 * ns_per_s);
     EXPECT_NEAR(world.tellos[0].position[2], 2, 0.2) << flight;
     fly_by_hand(world, {0, 0, -0.5F}, 2 * ns_per_s);
@@ -99,7 +99,7 @@ TEST(ByHand, WithoutAPoseItClimbsAndSinksByItsOwnHeightInEachFlight) {
     EXPECT_LT(world.tellos[0].position[2], world.settings_.fence.max_m[2] + 0.2) << flight;
     world.plan(PlanAction::land);
     world.pass(12 * ns_per_s);
-    ASSERT_EQ(world.core.phase(1), FlightPhase::landed) << flight;
+    ASSERT_EQ(world.core.phase(1), LinkPhase::landed) << flight;
   }
 }
 
@@ -120,7 +120,7 @@ TEST(ByHand, WithoutAPoseTheCeilingHoldsByTofWhereTheBarometerSinks) {
 TEST(ByHand, WhereTheConfigDoesNotAllowItAPilotIsBrakedAsAPathIs) {
   LinkWorld world;
   take_off_by_hand(world);
-  ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(world.core.phase(1), LinkPhase::flying);
   world.mocap = false;
   fly_by_hand(world, {0.3F, 0, 0}, ns_per_s);
   EXPECT_EQ(world.core.mode(1), FailsafeMode::brake);
@@ -128,7 +128,7 @@ TEST(ByHand, WhereTheConfigDoesNotAllowItAPilotIsBrakedAsAPathIs) {
   LinkWorld blind;
   blind.mocap = false;
   take_off_by_hand(blind);
-  EXPECT_EQ(blind.core.phase(1), FlightPhase::on_ground);
+  EXPECT_EQ(blind.core.phase(1), LinkPhase::on_ground);
 }
 
 TEST(ByHand, APathIsNotFreedByATakeOffOrALaterPlanInTheDronesFrame) {

@@ -52,7 +52,7 @@ class DroneLinkTest : public ::testing::Test {
     pass(ns_per_s);
     give(PlanAction::takeoff);
     pass(ns_per_s);
-    ASSERT_EQ(drone.session().phase(), FlightPhase::flying);
+    ASSERT_EQ(drone.session().phase(), LinkPhase::flying);
   }
 
   LinkSettings settings;
@@ -115,7 +115,7 @@ TEST_F(DroneLinkTest, ATakeOffThatTheDroneRefusesIsSaidInItsWordsForTenSecondsAn
   refuses = false;
   give(PlanAction::takeoff);
   pass(ns_per_s);
-  EXPECT_EQ(drone.session().phase(), FlightPhase::flying);
+  EXPECT_EQ(drone.session().phase(), LinkPhase::flying);
 }
 
 TEST_F(DroneLinkTest, AStopLandsAndATakeOffFromAnOlderStateIsTooOld) {

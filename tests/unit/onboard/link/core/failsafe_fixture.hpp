@@ -10,7 +10,7 @@ namespace ledgerline::link {
 class FailsafeTest : public ::testing::Test {
  protected:
   FailsafeTest() {
-    inputs.phase = FlightPhase::flying;
+    inputs.phase = LinkPhase::flying;
     inputs.flying_since_ns = now;
     inputs.plan_valid = true;
     inputs.ledger_alive = true;

@@ -93,9 +93,9 @@ class Search {
   /// To a fixed point, or for so many steps.
   void run(std::size_t max_steps = SIZE_MAX) {
     State start;
-    start.phase = static_cast<int>(FlightPhase::taking_off);
+    start.phase = static_cast<int>(LinkPhase::taking_off);
     visit(start);
-    start.phase = static_cast<int>(FlightPhase::disconnected);
+    start.phase = static_cast<int>(LinkPhase::disconnected);
     visit(start);
     while (!open_.empty() && steps_ < max_steps && !::testing::Test::HasFailure()) {
       const State from = open_.front();
@@ -118,8 +118,8 @@ class Search {
   int fence_land_after() const { return limits_[6]; }
 
   static std::vector<int> next_phases(int phase) {
-    constexpr int lost = static_cast<int>(FlightPhase::disconnected), flying = static_cast<int>(FlightPhase::flying),
-                  landing = static_cast<int>(FlightPhase::landing);
+    constexpr int lost = static_cast<int>(LinkPhase::disconnected), flying = static_cast<int>(LinkPhase::flying),
+                  landing = static_cast<int>(LinkPhase::landing);
     if (phase == landing) return {phase, lost};
     if (phase == lost) return {phase, flying, landing};
     return {phase, phase + 1};
@@ -165,10 +165,10 @@ class Search {
   State aged(const State& from, int phase, const Input& input) const {
     State s = from;
     s.phase = phase;
-    s.lost = phase == static_cast<int>(FlightPhase::disconnected) ? std::min(s.lost + 1, handshakes) : -1;
-    const bool dark = input.sensed == Sensed::dark && phase == static_cast<int>(FlightPhase::flying);
+    s.lost = phase == static_cast<int>(LinkPhase::disconnected) ? std::min(s.lost + 1, handshakes) : -1;
+    const bool dark = input.sensed == Sensed::dark && phase == static_cast<int>(LinkPhase::flying);
     s.dark = dark ? std::min(s.dark + 1, dark_lands) : -1;
-    const bool begins = phase != from.phase && phase == static_cast<int>(FlightPhase::flying);
+    const bool begins = phase != from.phase && phase == static_cast<int>(LinkPhase::flying);
     s.uncovered = input.plan || begins ? 0 : std::min(s.uncovered + 1, grace());
     s.unflown = begins ? 0 : std::min(s.unflown + 1, land_after() + grace() + 1);
     s.state =
@@ -188,7 +188,7 @@ class Search {
 
   FailsafeInputs inputs(const State& s, const Input& input) const {
     FailsafeInputs f;
-    f.phase = static_cast<FlightPhase>(s.phase);
+    f.phase = static_cast<LinkPhase>(s.phase);
     f.may_be_airborne = s.lost >= 0;
     f.contact_lost = s.lost >= handshakes;
     f.plan_valid = input.plan;
@@ -303,7 +303,7 @@ class Search {
                     << "; before: mode " << static_cast<int>(last.mode) << " cause " << static_cast<int>(last.cause);
     };
     const bool ended = next.mode == FailsafeMode::none && next.cause == FailsafeCause::none;
-    if (ended && f.phase == FlightPhase::flying && !may_end(s, last, f)) fail("a row ended too early");
+    if (ended && f.phase == LinkPhase::flying && !may_end(s, last, f)) fail("a row ended too early");
     const bool down = next.mode >= FailsafeMode::land;
     if (next.mode < last.mode && last.mode >= FailsafeMode::land) fail("a landing was taken back in the air");
     if (f.cut && next.mode != FailsafeMode::cut) fail("a cut was not obeyed");
@@ -312,14 +312,13 @@ class Search {
     if ((f.stop || f.battery <= settings_.battery_critical) && !down) fail("a stop or an empty battery does not land");
     if (f.overturned && is_in_flight(f.phase) && next.mode != FailsafeMode::cut) fail("overturned, and its motors run");
     if (f.tilted && is_in_flight(f.phase) && !down) fail("it is tilted, and is not landed");
-    if (f.motion_differs && f.phase == FlightPhase::flying && !down) fail("it moves otherwise, and is not landed");
+    if (f.motion_differs && f.phase == LinkPhase::flying && !down) fail("it moves otherwise, and is not landed");
     if (s.dark >= dark_lands && !down) fail("it sees nothing, and is not landed");
-    if (f.sources_unresolved && f.phase == FlightPhase::flying && !down)
-      fail("nothing to fly by, and it is not landed");
+    if (f.sources_unresolved && f.phase == LinkPhase::flying && !down) fail("nothing to fly by, and it is not landed");
     if (f.contact_lost && !down) fail("it may be airborne without state, and is not landed");
     if (f.ledger_untrusted && settings_.on_untrusted_ledger == OnUntrustedLedger::land && !down)
       fail("the ledger is not trusted, and it is not landed");
-    if (f.phase != FlightPhase::flying) return;
+    if (f.phase != LinkPhase::flying) return;
 
     const bool follows = follows_plan(next.mode, f.plan_valid);
     if (!follows && next.mode == FailsafeMode::none && s.uncovered >= grace()) fail("neither a plan nor an action");

@@ -23,7 +23,7 @@ TEST_F(FailsafeTest, FS47InTheDarkTheSticksGoToZeroAtOnceAndItLandsAfterHalfASec
   for (const bool by_odometry : {true, false}) {  // or motion capture is away
     state = {};
     inputs.by_odometry = by_odometry;
-    inputs.phase = FlightPhase::flying;
+    inputs.phase = LinkPhase::flying;
     inputs.dark_since_ns = 0;
     pass(ns_per_s);
     inputs.dark_since_ns = now + ms;
@@ -128,7 +128,7 @@ TEST_F(FailsafeTest, AVagueHeadingIsAnUncertainPosition) {
   inputs.sigma_yaw_rad = settings.max_yaw_sigma_rad + 0.01;
   pass(ms);
   expect(FailsafeMode::brake, FailsafeCause::position_uncertain);
-  inputs.phase = FlightPhase::on_ground;
+  inputs.phase = LinkPhase::on_ground;
   EXPECT_EQ(takeoff_refusal(settings, fence, now, inputs), FailsafeCause::position_uncertain);
 }
 
@@ -213,7 +213,7 @@ TEST_F(FailsafeTest, ABatteryThatEmptiesFastLandsWhileThereIsEnoughForIt) {
 }
 
 TEST_F(FailsafeTest, NoTakeOffTiltedOrOutsideTheFenceOrWithoutKnowingWhere) {
-  inputs.phase = FlightPhase::on_ground;
+  inputs.phase = LinkPhase::on_ground;
   inputs.heartbeat_ns = inputs.state_ns = inputs.pose_ns = now;
   const auto refusal = [&](auto spoil) {
     FailsafeInputs spoiled = inputs;

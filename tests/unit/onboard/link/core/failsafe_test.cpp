@@ -50,7 +50,7 @@ TEST_F(FailsafeTest, FS05AHoldOrBrakeOfLandAfterMeansLand) {
   inputs.plan_valid = true;
   pass(ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::held_too_long);
-  inputs.phase = FlightPhase::landed;
+  inputs.phase = LinkPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
@@ -194,7 +194,7 @@ TEST_F(FailsafeTest, ASilenceThatComesAndGoesDoesNotMakeTheCauseFlap) {
 TEST_F(FailsafeTest, TheSilencesOfLedgerAgentAndDroneAreDistinguished) {
   const auto after = [&](bool ledger, bool agent, bool drone) {
     state = {};
-    inputs.phase = FlightPhase::flying;
+    inputs.phase = LinkPhase::flying;
     inputs.ledger_alive = heartbeats = poses = states = inputs.plan_valid = true;
     pass(ns_per_s);
     inputs.ledger_alive = ledger;
@@ -270,7 +270,7 @@ TEST_F(FailsafeTest, FS04BeyondTheFenceAndStillOutwardMeansLand) {
   inputs.position_m = {0, 0, 1};
   pass(10 * ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::fence);
-  inputs.phase = FlightPhase::landed;
+  inputs.phase = LinkPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
@@ -365,13 +365,13 @@ TEST_F(FailsafeTest, FS01MotorsAreCutOnlyWhereAskedForByName) {
   inputs.cut = inputs.stop = false;
   pass(ns_per_s);
   expect(FailsafeMode::cut, FailsafeCause::stopped);
-  inputs.phase = FlightPhase::landed;
+  inputs.phase = LinkPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, FS13ADroneThatMayBeAirborneIsLandedWhenItsHandshakesFailed) {
-  inputs.phase = FlightPhase::disconnected;
+  inputs.phase = LinkPhase::disconnected;
   inputs.may_be_airborne = true;
   states = false;
   pass(3 * ns_per_s);
@@ -381,17 +381,17 @@ TEST_F(FailsafeTest, FS13ADroneThatMayBeAirborneIsLandedWhenItsHandshakesFailed)
   expect(FailsafeMode::land, FailsafeCause::state_stale);
   inputs.contact_lost = false;  // it is seen again, in the air
   inputs.may_be_airborne = false;
-  inputs.phase = FlightPhase::landing;
+  inputs.phase = LinkPhase::landing;
   states = true;
   pass(ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::state_stale);
-  inputs.phase = FlightPhase::disconnected;  // and lost, but on the ground
+  inputs.phase = LinkPhase::disconnected;  // and lost, but on the ground
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, AStopACutAndTheFenceActOnADroneThatMayBeAirborne) {
-  inputs.phase = FlightPhase::disconnected;
+  inputs.phase = LinkPhase::disconnected;
   inputs.stop = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::stopped);
@@ -412,10 +412,10 @@ TEST_F(FailsafeTest, ALandingIsNeverTakenBackInTheAir) {
   inputs.battery = settings.battery_critical;
   pass(ms);
   inputs.battery = 1;
-  inputs.phase = FlightPhase::landing;
+  inputs.phase = LinkPhase::landing;
   pass(10 * ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::battery_critical);
-  inputs.phase = FlightPhase::landed;
+  inputs.phase = LinkPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
@@ -423,13 +423,13 @@ TEST_F(FailsafeTest, ALandingIsNeverTakenBackInTheAir) {
 TEST_F(FailsafeTest, AStopOutlastsTheLanding) {
   inputs.stop = true;
   pass(ms);
-  inputs.phase = FlightPhase::landed;
+  inputs.phase = LinkPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::stopped);
 }
 
 TEST_F(FailsafeTest, OnTheGroundTheCauseSaysWhatATakeOffWaitsFor) {
-  inputs.phase = FlightPhase::on_ground;
+  inputs.phase = LinkPhase::on_ground;
   inputs.ledger_alive = false;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::ledger_silent);
@@ -439,7 +439,7 @@ TEST_F(FailsafeTest, OnTheGroundTheCauseSaysWhatATakeOffWaitsFor) {
 }
 
 TEST_F(FailsafeTest, ATakeOffThatTheDroneRefusedIsSaidAndMayBeTriedAgain) {
-  inputs.phase = FlightPhase::on_ground;
+  inputs.phase = LinkPhase::on_ground;
   inputs.takeoff_refused_by_drone = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::takeoff_refused_by_drone);

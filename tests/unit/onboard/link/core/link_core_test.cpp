@@ -15,7 +15,7 @@ namespace {
 TEST(LinkCore, FliesAWholeFlightFromHandshakeToLanding) {
   LinkWorld w;
   w.take_off();
-  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::flying);
   for (int i = 0; i < 60; ++i) {
     w.fly_plan({0.5F, 0, 0});
     w.pass(33 * ms);
@@ -23,7 +23,7 @@ TEST(LinkCore, FliesAWholeFlightFromHandshakeToLanding) {
   EXPECT_NEAR(w.tellos[0].position[0], 0.5 * 2, 0.15);
   w.plan(PlanAction::land);
   w.pass(5 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landed);
   EXPECT_EQ(w.tellos[0].count("takeoff"), 1);
   EXPECT_TRUE(w.core.all_on_ground());
   w.core.finish();
@@ -40,7 +40,7 @@ TEST(LinkCore, AFailedCheckLandsTheDroneAndNoneTakesOffAfterwards) {
   w.core.step(w.now - ms, {});
   EXPECT_NE(w.core.checks().first().find("time does not go back"), std::string::npos) << w.core.checks().first();
   w.pass(5 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landed);
   EXPECT_EQ(w.states.back().cause, FailsafeCause::check_failed);
   w.plan(PlanAction::takeoff);
   w.pass(5 * ns_per_s);
@@ -56,8 +56,8 @@ TEST(LinkCore, AFailedCheckOfAgentLandsTheDronesOfAllItsChannels) {
   inputs.heartbeats = {&heartbeat, 1};
   w.core.step(w.now, inputs);
   w.pass(8 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
-  EXPECT_EQ(w.core.phase(2), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landed);
+  EXPECT_EQ(w.core.phase(2), LinkPhase::landed);
 }
 
 TEST(LinkCore, ADroneYawedByNinetyDegreesGetsTheRcForItsOwnFrame) {
@@ -167,7 +167,7 @@ TEST(LinkCore, SilenceFromEverybodyEndsInZeroThenLanding) {
   w.pass(ns_per_s);
   EXPECT_EQ(w.tellos[0].rc, (std::array<int, 4>{}));
   w.pass(w.settings_.failsafe.land_after_ns + 5 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landed);
 }
 
 TEST(LinkCore, WithASilentDroneLinkBrakesAndLandsByAnswersAlone) {
@@ -182,7 +182,7 @@ TEST(LinkCore, WithASilentDroneLinkBrakesAndLandsByAnswersAlone) {
   w.pass(500 * ms);
   EXPECT_EQ(w.tellos[0].rc, (std::array<int, 4>{}));
   w.pass(w.settings_.failsafe.land_after_ns + 5 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::disconnected);  // landed, then silent on the ground
+  EXPECT_EQ(w.core.phase(1), LinkPhase::disconnected);  // landed, then silent on the ground
   EXPECT_EQ(w.tellos[0].motion, FakeTello::Motion::ground);
 }
 
@@ -215,7 +215,7 @@ TEST(LinkCore, TheFenceHoldsAgainstAPlanThatLeavesIt) {
     ASSERT_EQ(w.core.mode(1), FailsafeMode::none) << "it clips before it acts";
   }
   EXPECT_GT(w.tellos[0].position[0], 1.8);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::flying);
 }
 
 TEST(LinkCore, TheFenceHoldsEvenWhenAgentDiesWithItsPosesAndThePlanGoesOn) {
@@ -240,8 +240,8 @@ TEST(LinkCore, AStopLandsAndOnceClearedOnlyATakeOffFromALaterStateFliesAgain) {
   stop.epoch = 0;
   w.pass(ms);
   EXPECT_EQ(w.core.mode(1), FailsafeMode::land);
-  for (int i = 0; i < 5000 && w.core.phase(1) != FlightPhase::landed; ++i) w.step();
-  ASSERT_EQ(w.core.phase(1), FlightPhase::landed);
+  for (int i = 0; i < 5000 && w.core.phase(1) != LinkPhase::landed; ++i) w.step();
+  ASSERT_EQ(w.core.phase(1), LinkPhase::landed);
   Plan& before =
       w.plan(PlanAction::takeoff);  // of an operator who did not know yet, and still young enough to be flown
   before.state_stamp_ns = w.now - 500 * ms;
@@ -261,7 +261,7 @@ TEST(LinkCore, ACutIsAnEmergencyAndNothingLess) {
   w.pass(10 * ms);
   EXPECT_EQ(w.tellos[0].count("emergency"), 1);
   w.pass(2 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landed);
 }
 
 TEST(LinkCore, TheLocalStopKeyLandsAllDrones) {
@@ -417,7 +417,7 @@ TEST(LinkCore, ALinkThatIsStartedAgainInTheAirBeginsWithZeroAndWithinItsLimits) 
   w.core = LinkCore(w.settings_, 43);
   w.sent.clear();
   w.pass(300 * ms);
-  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::flying);
   EXPECT_EQ(w.states.back().boot_id, 43U);
   ASSERT_GE(w.sent.size(), 2U);
   EXPECT_EQ(w.sent[0].second, "command");
@@ -447,7 +447,7 @@ TEST(LinkCore, PlansAndPosesThatAreNotForItsDronesOrNotFiniteAreIgnored) {
       {.drone = 77, .stamp_ns = w.now, .position_m = {}, .velocity_mps = {}, .yaw_rad = 0}};
   w.core.step(w.now, {.received = {}, .plans = {}, .poses = poses, .heartbeats = {}});
   w.pass(100 * ms);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::flying);
   EXPECT_LT(w.states.back().position_m[0], 1);
 }
 

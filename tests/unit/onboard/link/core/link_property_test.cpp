@@ -115,7 +115,7 @@ TEST_P(AnyPlans, SilenceAlwaysEndsInZeroThenLanding) {
   w.ledger = random.next() % 2 == 0;
   w.mocap = random.next() % 2 == 0;
   w.pass(4 * ns_per_s);  // the maximum duration of a queued plan, and the ramp
-  if (w.core.phase(1) == FlightPhase::flying) {
+  if (w.core.phase(1) == LinkPhase::flying) {
     EXPECT_EQ(w.tellos[0].rc, (std::array<int, 4>{}));
   }
   w.pass(w.settings_.failsafe.land_after_ns + 20 * ns_per_s);

@@ -184,7 +184,7 @@ class LinkWorld {
   void take_off() {
     pass(ns_per_s);
     for (std::size_t i = 1; i <= tellos.size(); ++i) plan(PlanAction::takeoff, i);
-    for (int i = 0; i < 4000 && core.phase(1) != FlightPhase::flying; ++i) step();
+    for (int i = 0; i < 4000 && core.phase(1) != LinkPhase::flying; ++i) step();
   }
 
   /// Those that `settings` has not are as any other.

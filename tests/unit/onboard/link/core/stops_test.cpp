@@ -27,8 +27,8 @@ class Stops : public ::testing::Test {
     w.pass(5 * ns_per_s);  // until the drone counts as standing on the ground
   }
   void pass_until_down() {
-    for (int i = 0; i < 5000 && w.core.phase(1) != FlightPhase::landed; ++i) w.step();
-    ASSERT_EQ(w.core.phase(1), FlightPhase::landed);
+    for (int i = 0; i < 5000 && w.core.phase(1) != LinkPhase::landed; ++i) w.step();
+    ASSERT_EQ(w.core.phase(1), LinkPhase::landed);
     w.pass(100 * ms);
   }
   /// Whether it takes off when a holder asks for it, under a newer lease each time.

@@ -83,17 +83,17 @@ TEST(LinkCore, EveryChangeOfPhaseModeAndCauseIsATransitionOnce) {
   w.pass(500 * ms);
   w.ledger = false;
   w.pass(20 * ns_per_s);
-  ASSERT_EQ(w.core.phase(1), FlightPhase::landed);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::landed);
   std::vector<Transition> seen;
   for (const Transition& t : w.transitions) {
     if (seen.empty() || t.number > seen.back().number) seen.push_back(t);
   }
   struct Expected {
-    FlightPhase phase;
+    LinkPhase phase;
     FailsafeMode mode;
     FailsafeCause cause;
   };
-  using P = FlightPhase;
+  using P = LinkPhase;
   using M = FailsafeMode;
   using C = FailsafeCause;
   const std::vector<Expected> expected{{P::on_ground, M::none, C::none},        {P::taking_off, M::none, C::none},
@@ -139,7 +139,7 @@ TEST(LinkCore, AHeartbeatCountsForTheDronesOfItsChannelAlone) {
   ASSERT_GE(w.states.size(), 2U);
   for (std::size_t i = w.states.size() - 2; i < w.states.size(); ++i) {
     const StateSample& state = w.states[i];
-    ASSERT_EQ(state.phase, FlightPhase::flying) << state.drone;
+    ASSERT_EQ(state.phase, LinkPhase::flying) << state.drone;
     EXPECT_EQ(state.cause, state.drone == 1 ? FailsafeCause::plan_ran_out : FailsafeCause::agent_silent) << state.drone;
   }
 }

@@ -83,7 +83,7 @@ class RealLink : public ::testing::Test {
       heartbeat.transitions_taken[t.drone] = heartbeat.transitions_on_ledger[t.drone] = t.number;
     }
   }
-  bool all(FlightPhase phase) const { return newest[1].phase == phase && newest[2].phase == phase; }
+  bool all(LinkPhase phase) const { return newest[1].phase == phase && newest[2].phase == phase; }
   void command(PlanAction action, float vx = 0) {
     for (DroneNumber drone = 1; drone <= 2; ++drone) {
       Plan plan;
@@ -157,7 +157,7 @@ TEST(StartingLink, StopsItsDronesBeforeItNeedsFilesOrRouDi) {
 
 // One process may connect to RouDi once, so one flight shows it all.
 TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndThatSigtermEnds) {
-  ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::on_ground) && newest[1].sdk_state_fresh; }));
+  ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(LinkPhase::on_ground) && newest[1].sdk_state_fresh; }));
   EXPECT_NE(newest[1].boot_id, 0U);
   EXPECT_GT(newest[1].battery, 0.9F);
 
@@ -165,17 +165,17 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   const auto both = [&](FailsafeCause cause) { return newest[1].cause == cause && newest[2].cause == cause; };
   EXPECT_TRUE(both(FailsafeCause::stopped));
   command(PlanAction::takeoff);
-  EXPECT_FALSE(run_until(ns_per_s, [&] { return !all(FlightPhase::on_ground); }));
+  EXPECT_FALSE(run_until(ns_per_s, [&] { return !all(LinkPhase::on_ground); }));
   link.signal(SIGUSR1);
   ASSERT_TRUE(run_until(5 * ns_per_s, [&] { return both(FailsafeCause::none); }));
   EXPECT_EQ(read_file("/tmp/link.stops")->find("tello"), std::string::npos);
 
   ASSERT_TRUE(run_until(30 * ns_per_s, [&, asked = TimeNs{0}]() mutable {
-    if (!all(FlightPhase::flying) && monotonic_ns() - asked > 100 * ns_per_ms) {
+    if (!all(LinkPhase::flying) && monotonic_ns() - asked > 100 * ns_per_ms) {
       asked = monotonic_ns();
       command(PlanAction::takeoff);
     }
-    return all(FlightPhase::flying);
+    return all(LinkPhase::flying);
   }));
   EXPECT_GT(newest[1].height_m, 0.3F);
 
@@ -197,9 +197,9 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   auto again = AgentEnd::create();
   ASSERT_TRUE(again);
   agent = std::move(*again);
-  ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::landed); }));
+  ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(LinkPhase::landed); }));
   EXPECT_EQ(newest[1].sent_velocity_mps[0], 0);
-  EXPECT_EQ(newest[1].phase, FlightPhase::landed);
+  EXPECT_EQ(newest[1].phase, LinkPhase::landed);
 
   // What the failsafe did meanwhile is reported when agent is back.
   lives = true;
@@ -210,15 +210,15 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
     });
     EXPECT_EQ(silent, 1);
     ASSERT_FALSE(drone.empty());
-    EXPECT_EQ(drone.back().phase, FlightPhase::landed);
+    EXPECT_EQ(drone.back().phase, LinkPhase::landed);
   }
   command(PlanAction::takeoff);
-  ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::flying); }));
+  ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(LinkPhase::flying); }));
   // Without RouDi they fly on.
   roudi.end(SIGKILL);
   EXPECT_FALSE(run_until(3 * ns_per_s, [&, turn = 0]() mutable {
     if (turn++ % 3 == 0) command(PlanAction::fly);
-    return !all(FlightPhase::flying);
+    return !all(LinkPhase::flying);
   }));
   link.signal(SIGTERM);
   EXPECT_EQ(link.wait(), 0);

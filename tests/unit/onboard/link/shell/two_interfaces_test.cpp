@@ -95,9 +95,9 @@ class TwoInterfaces : public ::testing::Test {
 
 // One process may connect to RouDi once, so one flight shows it all.
 TEST_F(TwoInterfaces, TwoDronesAtOneAddressFlyAndOneWithAnotherSerialStaysDown) {
-  const auto all = [&](FlightPhase phase) { return newest[1].phase == phase && newest[2].phase == phase; };
+  const auto all = [&](LinkPhase phase) { return newest[1].phase == phase && newest[2].phase == phase; };
   ASSERT_TRUE(run_until(20 * ns_per_s, [&] {
-    return all(FlightPhase::on_ground) && newest[3].phase == FlightPhase::on_ground && newest[3].sdk_state_fresh;
+    return all(LinkPhase::on_ground) && newest[3].phase == LinkPhase::on_ground && newest[3].sdk_state_fresh;
   })) << log();
   ASSERT_TRUE(run_until(5 * ns_per_s, [&] { return log().find("0TQDG00SIM0003 answers") != std::string::npos; }))
       << log();
@@ -107,22 +107,22 @@ TEST_F(TwoInterfaces, TwoDronesAtOneAddressFlyAndOneWithAnotherSerialStaysDown) 
   ASSERT_TRUE(run_until(5 * ns_per_s, [&] { return !newest[1].sdk_state_fresh; }));
   ASSERT_TRUE(plug_in(1));
   ASSERT_TRUE(run_until(15 * ns_per_s, [&] {
-    return newest[1].phase == FlightPhase::on_ground && newest[1].sdk_state_fresh;
+    return newest[1].phase == LinkPhase::on_ground && newest[1].sdk_state_fresh;
   })) << log();
-  EXPECT_TRUE(all(FlightPhase::on_ground));
+  EXPECT_TRUE(all(LinkPhase::on_ground));
 
   // The first alone: nothing that is said to it, and nothing that it says, is the other's.
   const auto take_off = [&](DroneNumber drone) {
     return run_until(30 * ns_per_s, [&, asked = TimeNs{0}]() mutable {
-      if (newest[drone].phase == FlightPhase::on_ground && monotonic_ns() - asked > 100 * ns_per_ms) {
+      if (newest[drone].phase == LinkPhase::on_ground && monotonic_ns() - asked > 100 * ns_per_ms) {
         asked = monotonic_ns();
         command(drone, PlanAction::takeoff);
       }
-      return newest[drone].phase == FlightPhase::flying && newest[drone].height_m > 0.5F;
+      return newest[drone].phase == LinkPhase::flying && newest[drone].height_m > 0.5F;
     });
   };
   ASSERT_TRUE(take_off(1)) << log();
-  EXPECT_EQ(newest[2].phase, FlightPhase::on_ground);
+  EXPECT_EQ(newest[2].phase, LinkPhase::on_ground);
   EXPECT_EQ(newest[2].height_m, 0);
   ASSERT_TRUE(take_off(2)) << log();
   EXPECT_GT(newest[1].height_m, 0.5F);
@@ -131,7 +131,7 @@ TEST_F(TwoInterfaces, TwoDronesAtOneAddressFlyAndOneWithAnotherSerialStaysDown) 
     command(3, PlanAction::takeoff);
     run_until(100 * ns_per_ms, [] { return false; });
   }
-  EXPECT_EQ(newest[3].phase, FlightPhase::on_ground);
+  EXPECT_EQ(newest[3].phase, LinkPhase::on_ground);
 
   link.signal(SIGTERM);
   EXPECT_EQ(link.wait(), 0) << log();

@@ -176,7 +176,7 @@ TEST(TransitionSender, WhenItIsFullLinkKeepsTheRest) {
 TEST(TransitionSender, TheCallIsOneAssetWithEveryTransition) {
   TransitionSender sender({}, two, 1);
   Transition hold = transition(1);
-  hold.phase = FlightPhase::flying;
+  hold.phase = LinkPhase::flying;
   hold.mode = FailsafeMode::hold;
   hold.cause = FailsafeCause::ledger_silent;
   sender.add(hold);
@@ -195,7 +195,7 @@ TEST(TransitionSender, TheCallIsOneAssetWithEveryTransition) {
   ASSERT_EQ(read->size(), 2U);
   EXPECT_EQ((*read)[0].mode, FailsafeMode::hold);
   EXPECT_EQ((*read)[0].cause, FailsafeCause::ledger_silent);
-  EXPECT_EQ((*read)[0].phase, FlightPhase::flying);
+  EXPECT_EQ((*read)[0].phase, LinkPhase::flying);
   EXPECT_EQ((*read)[1].number, 2U);
 }
 

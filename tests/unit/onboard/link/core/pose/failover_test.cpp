@@ -90,7 +90,7 @@ TEST(Failover, ADroneFliesOnByOnboardOdometryAndNeverJumps) {
   world.tellos[0].yaw = 1.5707963;
   world.tellos[0].tells_velocity = true;
   world.take_off();
-  ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(world.core.phase(1), LinkPhase::flying);
   fly(world, 2 * ns_per_s);
   world.mocap = false;
   double before = world.states.back().position_m[0];
@@ -114,7 +114,7 @@ TEST(Failover, MotionCaptureThatIsSlowIsNotMissing) {
   world.tellos[0].tells_velocity = true;
   world.mocap_late_ns = 200 * ms;
   world.take_off();
-  ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(world.core.phase(1), LinkPhase::flying);
   fly(world, 3 * ns_per_s);
   EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
   EXPECT_EQ(world.core.pose(1).variance[0], 0) << "motion capture's, not onboard odometry's";
@@ -129,7 +129,7 @@ TEST(Failover, WhoStandsWaitsForMotionCapture) {
   world.tellos[0].position[0] = 3;  // somebody carries it, and it tells no velocity
   world.plan(PlanAction::takeoff);
   world.pass(3 * ns_per_s);
-  EXPECT_EQ(world.core.phase(1), FlightPhase::on_ground);
+  EXPECT_EQ(world.core.phase(1), LinkPhase::on_ground);
 }
 
 TEST(Failover, WithoutItTheSameDroneBrakes) {

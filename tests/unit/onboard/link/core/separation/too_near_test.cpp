@@ -24,7 +24,7 @@ TEST_F(FailsafeTest, FS60AnotherDroneInItsWayIsAWarningUntilItIsApartForAWhile) 
   pass(20 * ms);
   expect(FailsafeMode::none, FailsafeCause::none);
   EXPECT_EQ(causes, 2);
-  inputs.phase = FlightPhase::landed;
+  inputs.phase = LinkPhase::landed;
   inputs.too_near = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::too_near);  // as what speaks against a take-off
@@ -116,10 +116,10 @@ TEST(TooNear, ATakeOffBesideAnotherDroneIsRefused) {
     w.pass(ns_per_s);
     w.plan(PlanAction::takeoff, 1);
     w.pass(5 * ns_per_s);
-    EXPECT_EQ(w.core.phase(1) == FlightPhase::flying, distance_m > 0.5);
+    EXPECT_EQ(w.core.phase(1) == LinkPhase::flying, distance_m > 0.5);
     w.plan(PlanAction::takeoff, 2);
     w.pass(5 * ns_per_s);
-    EXPECT_EQ(w.core.phase(2), FlightPhase::on_ground) << "beside one that flies, or stands too near";
+    EXPECT_EQ(w.core.phase(2), LinkPhase::on_ground) << "beside one that flies, or stands too near";
     EXPECT_EQ(w.states.back().cause, FailsafeCause::too_near);
   }
 }
@@ -154,7 +154,7 @@ struct Above : LinkWorld {
   }
   /// The holder's, as ground says it: until it is obeyed.
   void ask_to_land(TimeNs duration) {
-    for (const TimeNs end = now + duration; now < end && core.phase(upper_) == FlightPhase::flying;) {
+    for (const TimeNs end = now + duration; now < end && core.phase(upper_) == LinkPhase::flying;) {
       plan(PlanAction::land, upper_);
       hover(100 * ns_per_ms);
     }
@@ -171,7 +171,7 @@ struct Above : LinkWorld {
 TEST(TooNear, ALandingAboveAnotherDroneIsMadeBesideItAndSaysWhatItWaitsFor) {
   Above w;
   w.ask_to_land(200 * ns_per_ms);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::flying);
   EXPECT_EQ(w.cause(), FailsafeCause::too_near);
   const TimeNs asked = w.now;
   w.hover(100 * ns_per_ms);  // whatever becomes of ground
@@ -180,13 +180,13 @@ TEST(TooNear, ALandingAboveAnotherDroneIsMadeBesideItAndSaysWhatItWaitsFor) {
   w.hover(200 * ns_per_ms);
   for (const TraceRecord &record : w.trace)
     EXPECT_FALSE(record.kind == TraceKind::command_applied && record.id == takeoff) << "it takes no landing back";
-  while (w.core.phase(1) == FlightPhase::flying && w.now - asked < 20 * ns_per_s) w.hover(100 * ns_per_ms);
+  while (w.core.phase(1) == LinkPhase::flying && w.now - asked < 20 * ns_per_s) w.hover(100 * ns_per_ms);
   EXPECT_LT(to_seconds(w.now - asked), w.settings_.separation.landing_wait_s - 1);
   EXPECT_EQ(w.core.mode(1), FailsafeMode::none);
   EXPECT_LT(w.tellos[0].position[2], 2) << "nothing is flown any more but the way down";
   w.hover(6 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
-  EXPECT_EQ(w.core.phase(2), FlightPhase::flying);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landed);
+  EXPECT_EQ(w.core.phase(2), LinkPhase::flying);
   EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
 }
 
@@ -198,7 +198,7 @@ TEST(TooNear, ALandingInACornerIsMadeBesideTheOther) {
   w.ask_to_land(20 * ns_per_s);
   EXPECT_LT(to_seconds(w.now - asked), settings.separation.landing_wait_s - 1);
   w.hover(6 * ns_per_s);
-  EXPECT_EQ(w.core.phase(2), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(2), LinkPhase::landed);
   EXPECT_GE(w.nearest_m, settings.separation.min_m);
 }
 
@@ -207,7 +207,7 @@ TEST(TooNear, ALandingWithNobodyBelowIsSentInTheSameStep) {
   w.plan(PlanAction::land, 2);
   w.step();
   EXPECT_EQ(w.sent.back().second, "land");
-  EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(2), LinkPhase::landing);
 }
 
 TEST(TooNear, AStopLandsAtOnceWhateverIsBelow) {
@@ -215,7 +215,7 @@ TEST(TooNear, AStopLandsAtOnceWhateverIsBelow) {
   w.ask_to_land(200 * ns_per_ms);
   w.plan(PlanAction::stop, 1);
   w.step();
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landing);
 }
 
 TEST(TooNear, ALandingWaitsNoLongerWhereItsPlaceIsLost) {
@@ -223,7 +223,7 @@ TEST(TooNear, ALandingWaitsNoLongerWhereItsPlaceIsLost) {
   w.ask_to_land(200 * ns_per_ms);
   w.mocap = false;
   w.hover(w.settings_.failsafe.pose_lost_ns + 100 * ns_per_ms);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landing);
 }
 
 TEST(TooNear, ALandingIsMadeWhenItsWaitIsOverWhateverIsBelow) {
@@ -233,7 +233,7 @@ TEST(TooNear, ALandingIsMadeWhenItsWaitIsOverWhateverIsBelow) {
   const TimeNs asked = w.now;
   w.ask_to_land(5 * ns_per_s);
   EXPECT_NEAR(to_seconds(w.now - asked), settings.separation.landing_wait_s, 0.2);
-  EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(2), LinkPhase::landing);
 }
 
 /// Both are flown by plans until the same moment; the failsafe lands both in one step.
@@ -267,8 +267,8 @@ TEST(TooNear, TwoOfAnEmptyBatteryComeDownBesideEachOther) {
   w.pass(500 * ns_per_ms);
   EXPECT_EQ(w.core.mode(1), FailsafeMode::land);
   EXPECT_EQ(w.core.mode(2), FailsafeMode::land);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
-  EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::flying);
+  EXPECT_EQ(w.core.phase(2), LinkPhase::landing);
   EXPECT_EQ(w.cause(), FailsafeCause::battery_critical);
   EXPECT_TRUE(w.land_both());
   EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
@@ -278,20 +278,20 @@ TEST(TooNear, AStopDoesNotWaitBehindALandingOfTheFailsafe) {
   BothLand w;
   for (FakeTello &tello : w.tellos) tello.battery = 8;
   w.pass(500 * ns_per_ms);
-  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::flying);
   w.plan(PlanAction::stop, 1);
   w.step();
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landing);
 }
 
 TEST(TooNear, ALandingOfTheFailsafeWithoutAPositionDoesNotWait) {
   BothLand w;
   for (FakeTello &tello : w.tellos) tello.battery = 8;
   w.pass(500 * ns_per_ms);
-  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::flying);
   w.mocap = false;
   w.pass(w.settings_.failsafe.pose_lost_ns + 100 * ns_per_ms);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landing);
 }
 
 TEST(TooNear, ALandingOfTheFailsafeIsMadeWhenItsTimeIsOver) {
@@ -300,9 +300,9 @@ TEST(TooNear, ALandingOfTheFailsafeIsMadeWhenItsTimeIsOver) {
   BothLand w(1, settings);
   w.tellos[0].battery = 8;  // the lower one hovers on
   w.hover(500 * ns_per_ms);
-  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::flying);
   w.hover(ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landing);
 }
 
 // Nobody hovers in another's wash: in a hold as well, which has 5 s for it.

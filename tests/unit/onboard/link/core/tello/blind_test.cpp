@@ -106,28 +106,28 @@ TEST(Blind, ADroneThatIsSwitchedOnLaterIsFoundOnTheGroundAndMayTakeOff) {
     w.pass(on_s * ns_per_s);
     w.tellos[0].hears = true;
     w.pass(w.settings_.session.silence_ns + ns_per_s);
-    ASSERT_EQ(w.core.phase(1), FlightPhase::on_ground) << "switched on after " << on_s << " s";
+    ASSERT_EQ(w.core.phase(1), LinkPhase::on_ground) << "switched on after " << on_s << " s";
     EXPECT_EQ(w.core.mode(1), FailsafeMode::none);
     w.plan(PlanAction::takeoff);
     w.pass(6 * ns_per_s);
-    EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
+    EXPECT_EQ(w.core.phase(1), LinkPhase::flying);
   }
 }
 
 TEST(Blind, ADroneThatFellSilentWhereItStoodIsSoughtWithoutAnEndAndNeverCommanded) {
   LinkWorld w;
   w.pass(4 * ns_per_s);
-  ASSERT_EQ(w.core.phase(1), FlightPhase::on_ground);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::on_ground);
   w.tellos[0].hears = w.tellos[0].states = false;
   w.sent.clear();
   w.pass(60 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::disconnected);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::disconnected);
   EXPECT_TRUE(w.core.all_on_ground());
   EXPECT_EQ(std::count_if(w.sent.begin(), w.sent.end(), [](const auto& m) { return m.second == "land"; }), 0);
   EXPECT_GE(std::count_if(w.sent.begin(), w.sent.end(), [](const auto& m) { return m.second == "command"; }), 14);
   w.tellos[0].hears = w.tellos[0].states = true;
   w.pass(w.settings_.session.answer_timeout_max_ns + 200 * ms);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::on_ground);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::on_ground);
 }
 
 TEST(Blind, WhatIsSeenOnTheGroundInTheTakeOffOfADeadLinkMayFly) {
@@ -157,10 +157,10 @@ TEST(Blind, WhatIsFoundInTheAirBehindTheHandshakesComesDownAndIsNotFlownOn) {
   w.pass(5 * ns_per_s);
   w.tello().states = true;
   w.pass(300 * ms);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landing);
   w.tello().lands = true;
   w.pass(6 * ns_per_s);
-  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(1), LinkPhase::landed);
 }
 
 TEST(Blind, WithAnswersLostAloneItIsLandedByWhatIsSeenAndThenLeftAlone) {
@@ -272,7 +272,7 @@ TEST(Blind, ALandingThatNobodySeesForThirtySecondsMayStillFly) {
   tello.lands = tello.states = tello.answers = false;
   w.plan(PlanAction::land);
   w.pass(w.settings_.session.landing_lost_after_ns + 500 * ms);
-  ASSERT_EQ(w.core.phase(1), FlightPhase::disconnected);
+  ASSERT_EQ(w.core.phase(1), LinkPhase::disconnected);
   EXPECT_FALSE(w.core.all_on_ground());
   w.sent.clear();
   w.pass(w.settings_.session.silence_ns - ns_per_s);

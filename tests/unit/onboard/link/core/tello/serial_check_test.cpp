@@ -49,7 +49,7 @@ TEST_F(SerialOfTheSession, AnotherDroneDoesNotAndIsNamed) {
   EXPECT_EQ(session.serial().verdict(), SerialCheck::Verdict::other);
   EXPECT_EQ(session.serial().answered().view(), "0TQDG00EDPMV40");
   EXPECT_FALSE(takes_off());
-  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_EQ(session.phase(), LinkPhase::on_ground);
 }
 
 TEST_F(SerialOfTheSession, ADroneThatDoesNotAnswerIsAskedAgainAndWaits) {
@@ -100,9 +100,9 @@ TEST_F(SerialOfTheSession, ADroneThatReconnectsIsAskedAgain) {
   answer.clear();
   CommandText text;
   (void)session.next_send(now, text);
-  ASSERT_EQ(session.phase(), FlightPhase::disconnected);
+  ASSERT_EQ(session.phase(), LinkPhase::disconnected);
   pass(2 * ns_per_s);
-  ASSERT_EQ(session.phase(), FlightPhase::on_ground);
+  ASSERT_EQ(session.phase(), LinkPhase::on_ground);
   EXPECT_FALSE(takes_off());
   answer = "0TQDG00EDPMV40";
   pass(ns_per_s);

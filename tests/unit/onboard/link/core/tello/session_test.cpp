@@ -39,7 +39,7 @@ class Session : public ::testing::Test {
     pass(tick);
     answer("ok");
     pass(200 * ns_per_ms);
-    ASSERT_EQ(session.phase(), FlightPhase::on_ground);
+    ASSERT_EQ(session.phase(), LinkPhase::on_ground);
   }
   void fly() {
     connect();
@@ -49,7 +49,7 @@ class Session : public ::testing::Test {
     pass(ns_per_s);
     answer("ok");
     pass(tick);
-    ASSERT_EQ(session.phase(), FlightPhase::flying);
+    ASSERT_EQ(session.phase(), LinkPhase::flying);
   }
 
   SessionSettings settings;
@@ -94,7 +94,7 @@ TEST_F(Session, TheHandshakeWithWhatStandsOnTheGroundIsRepeatedWithGrowingPauses
   EXPECT_GE(count("command"), 10);
   EXPECT_LE(count("command"), 20);  // 0.5, 1, 2, then every 4 s
   EXPECT_EQ(count("land"), 0);
-  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+  EXPECT_EQ(session.phase(), LinkPhase::disconnected);
   connect();
 }
 
@@ -115,7 +115,7 @@ TEST_F(Session, AnOkWithoutStateTextIsNotAConnection) {
   pass(tick);
   answer("ok");
   pass(5 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+  EXPECT_EQ(session.phase(), LinkPhase::disconnected);
   EXPECT_GE(count("command"), 2);
 }
 
@@ -125,7 +125,7 @@ TEST_F(Session, StateTextWithoutAnOkIsNotAConnection) {
   answer("revoked");
   answer("error");
   pass(ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+  EXPECT_EQ(session.phase(), LinkPhase::disconnected);
 }
 
 TEST_F(Session, ADroneThatIsFoundInTheAirIsFlying) {
@@ -134,7 +134,7 @@ TEST_F(Session, ADroneThatIsFoundInTheAirIsFlying) {
   pass(tick);
   answer("ok");
   pass(200 * ns_per_ms);
-  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.phase(), LinkPhase::flying);
 }
 
 TEST_F(Session, ADroneThatIsFoundAHandAboveTheGroundIsFlying) {
@@ -143,7 +143,7 @@ TEST_F(Session, ADroneThatIsFoundAHandAboveTheGroundIsFlying) {
   pass(tick);
   answer("ok");
   pass(200 * ns_per_ms);
-  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.phase(), LinkPhase::flying);
 }
 
 TEST_F(Session, TakeOffNeedsAConnection) { EXPECT_FALSE(session.request_takeoff(now)); }
@@ -153,12 +153,12 @@ TEST_F(Session, ALateOkOfAnEarlierCommandIsNoTakeOff) {
   ASSERT_TRUE(session.request_takeoff(now));
   pass(100 * ns_per_ms);
   answer("ok");  // a doubled answer to `command`: the drone is still seen on the ground
-  EXPECT_EQ(session.phase(), FlightPhase::taking_off);
+  EXPECT_EQ(session.phase(), LinkPhase::taking_off);
   EXPECT_EQ(session.answers_unasked(), 1U);
   height_m = 1;
   pass(3 * ns_per_s);
   answer("ok");
-  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.phase(), LinkPhase::flying);
   EXPECT_EQ(count("takeoff"), 1);
 }
 
@@ -167,7 +167,7 @@ TEST_F(Session, ALostAnswerToTakeOffIsMadeUpForByWhatIsSeen) {
   ASSERT_TRUE(session.request_takeoff(now));
   height_m = 1;
   pass(settings.takeoff_timeout_ns + ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.phase(), LinkPhase::flying);
   EXPECT_EQ(count("takeoff"), 1);  // never flown twice
 }
 
@@ -175,7 +175,7 @@ TEST_F(Session, ALostTakeOffLeavesItOnTheGround) {
   connect();
   ASSERT_TRUE(session.request_takeoff(now));
   pass(settings.takeoff_timeout_ns + ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_EQ(session.phase(), LinkPhase::on_ground);
   EXPECT_TRUE(session.request_takeoff(now));
 }
 
@@ -184,7 +184,7 @@ TEST_F(Session, ARefusedTakeOffIsNotTriedAgainAtOnce) {
   ASSERT_TRUE(session.request_takeoff(now));
   pass(tick);
   answer("error Motor stop");
-  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_EQ(session.phase(), LinkPhase::on_ground);
   EXPECT_FALSE(session.request_takeoff(now));
   pass(settings.refused_pause_ns);
   EXPECT_TRUE(session.request_takeoff(now));
@@ -203,7 +203,7 @@ TEST_F(Session, ARefusedTakeOffKeepsTheDronesOwnWordsUntilOneIsAccepted) {
   height_m = 1;
   pass(200 * ns_per_ms);
   answer("ok");
-  ASSERT_EQ(session.phase(), FlightPhase::flying);
+  ASSERT_EQ(session.phase(), LinkPhase::flying);
   EXPECT_EQ(session.takeoff_refusal().at_ns, 0);
 }
 
@@ -228,16 +228,16 @@ TEST_F(Session, ALandingAskedForBeforeItLiftsOffIsNotOverWhileItMayStillRise) {
   pass(100 * ns_per_ms);
   session.request_land(now);
   pass(2 * ns_per_s);  // spins up; `land` is ignored meanwhile
-  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  EXPECT_EQ(session.phase(), LinkPhase::landing);
   height_m = 1;
   pass(200 * ns_per_ms);
   answer("ok");  // the take-off's
   pass(3 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  EXPECT_EQ(session.phase(), LinkPhase::landing);
   EXPECT_GE(count("land"), 4);
   height_m = 0;
   pass(2 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_EQ(session.phase(), LinkPhase::landed);
 }
 
 TEST_F(Session, ALandingAskedForBeforeATakeOffThatNeverCameEnds) {
@@ -245,7 +245,7 @@ TEST_F(Session, ALandingAskedForBeforeATakeOffThatNeverCameEnds) {
   ASSERT_TRUE(session.request_takeoff(now));
   session.request_land(now);
   pass(settings.takeoff_timeout_ns + 2 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_EQ(session.phase(), LinkPhase::landed);
 }
 
 TEST_F(Session, WhatIsSeenAloftIsInFlightWhateverWasAnswered) {
@@ -253,19 +253,19 @@ TEST_F(Session, WhatIsSeenAloftIsInFlightWhateverWasAnswered) {
   ASSERT_TRUE(session.request_takeoff(now));
   pass(tick);
   answer("error");  // of an earlier command
-  ASSERT_EQ(session.phase(), FlightPhase::on_ground);
+  ASSERT_EQ(session.phase(), LinkPhase::on_ground);
   height_m = 0.8F;
   pass(ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.phase(), LinkPhase::flying);
 }
 
 TEST_F(Session, WhatCameDownByItselfIsLandedAndNotFlownOn) {
   fly();
   height_m = 0;
   pass(2 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.phase(), LinkPhase::flying);
   pass(3 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_EQ(session.phase(), LinkPhase::landed);
   EXPECT_GE(count("land"), 1);
 }
 
@@ -274,13 +274,13 @@ TEST_F(Session, LandIsRepeatedUntilTheDroneIsDown) {
   session.request_land(now);
   pass(3 * ns_per_s + tick);
   EXPECT_GE(count("land"), 3);
-  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  EXPECT_EQ(session.phase(), LinkPhase::landing);
   answer("error");  // a refusal does not end it
   pass(3 * ns_per_s);
   EXPECT_GE(count("land"), 5);
   height_m = 0;
   pass(2 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::landed);  // seen, though no ok came
+  EXPECT_EQ(session.phase(), LinkPhase::landed);  // seen, though no ok came
 }
 
 TEST_F(Session, LandIsNotRepeatedWhileTheDroneComesDown) {
@@ -298,11 +298,11 @@ TEST_F(Session, AnOkToLandWhileItIsSeenInTheAirIsAnotherCommandsOk) {
   session.request_land(now);
   pass(200 * ns_per_ms);
   answer("ok");
-  EXPECT_EQ(session.phase(), FlightPhase::landing);
+  EXPECT_EQ(session.phase(), LinkPhase::landing);
   height_m = 0;
   pass(200 * ns_per_ms);
   answer("ok");
-  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_EQ(session.phase(), LinkPhase::landed);
 }
 
 TEST_F(Session, WithoutAnySightAnOkToLandIsTrusted) {
@@ -312,14 +312,14 @@ TEST_F(Session, WithoutAnySightAnOkToLandIsTrusted) {
   session.request_land(now);
   pass(100 * ns_per_ms);
   answer("ok");
-  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_EQ(session.phase(), LinkPhase::landed);
 }
 
 TEST_F(Session, ADroneThatFallsSilentOnTheGroundIsReconnected) {
   connect();
   talks = false;
   pass(settings.lost_after_ns + ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::disconnected);
+  EXPECT_EQ(session.phase(), LinkPhase::disconnected);
   const long before = count("command");
   pass(ns_per_s);
   EXPECT_GE(count("command"), before);
@@ -327,14 +327,14 @@ TEST_F(Session, ADroneThatFallsSilentOnTheGroundIsReconnected) {
   pass(100 * ns_per_ms);
   answer("ok");
   pass(200 * ns_per_ms);
-  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_EQ(session.phase(), LinkPhase::on_ground);
 }
 
 TEST_F(Session, ADroneThatFallsSilentInTheAirStaysFlyingSoThatItCanBeLanded) {
   fly();
   talks = false;
   pass(20 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::flying);
+  EXPECT_EQ(session.phase(), LinkPhase::flying);
 }
 
 TEST_F(Session, AStateTextOfAnotherMomentOrAnotherDroneIsNone) {
@@ -373,7 +373,7 @@ TEST_F(Session, CutSendsEmergencyUntilItIsDown) {
   EXPECT_EQ(count("land"), 0);
   height_m = 0;
   pass(2 * ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::landed);
+  EXPECT_EQ(session.phase(), LinkPhase::landed);
 }
 
 TEST_F(Session, CutOutranksALandingInProgress) {
@@ -389,7 +389,7 @@ TEST_F(Session, UnaskedAndUnreadableAnswersChangeNothing) {
   connect();
   for (const char* text : {"ok", "error", "\xff\xff", "", "unknown command: x"}) answer(text);
   pass(ns_per_s);
-  EXPECT_EQ(session.phase(), FlightPhase::on_ground);
+  EXPECT_EQ(session.phase(), LinkPhase::on_ground);
   EXPECT_EQ(session.answers_unasked(), 5U);
 }
 
