@@ -58,9 +58,9 @@ Status apply_running(Options& options, const json& running, const std::vector<Se
     if (name.starts_with("orderer")) options.only.push_back(name);
     if (name.starts_with("peer")) options.only.push_back("org" + name.substr(4));
   }
-  for (const auto& [key, places] :
-       {std::pair{"orderers", &options.orderer_places}, std::pair{"peers", &options.organisation_places}}) {
-    if (Status s = parse_places(running.at(key).get<std::vector<std::string>>(), *places); !s) return s;
+  for (const auto& [key, addresses] :
+       {std::pair{"orderers", &options.orderer_addresses}, std::pair{"peers", &options.organisation_addresses}}) {
+    if (Status s = parse_listen_addresses(running.at(key).get<std::vector<std::string>>(), *addresses); !s) return s;
   }
   return done;
 }
@@ -112,7 +112,7 @@ Status Network::prepare() {
 Status Network::up() {
   const Status set_up =
       in_order({[&] { return check_own_address(); }, [&] { return check_room(); }, [&] { return prepare(); },
-                [&] { return check_free(site_.places().bound(site_.options())); },
+                [&] { return check_free(site_.addresses().bound(site_.options())); },
                 [&] { return deployment_.make_packages(); }, [&] { return start_orderers_and_peers(); },
                 [&] { return join_orderers(site_); }, [&] { return join_peers(site_); },
                 [&] { return deployment_.start_services(); }, [&] { return deployment_.install(); },
@@ -153,8 +153,8 @@ Status Network::check_room() {
 Status Network::start_orderers_and_peers() {
   for (const int k : site_.own_orderers()) {
     if (Status s = site_.processes().start(
-            fmt::format("orderer{}", k), site_.places().orderer(k), {site_.tool("orderer")},
-            orderer_environment(site_.options(), site_.places(), k), site_.options().orderer_scheduling());
+            fmt::format("orderer{}", k), site_.addresses().orderer(k), {site_.tool("orderer")},
+            orderer_environment(site_.options(), site_.addresses(), k), site_.options().orderer_scheduling());
         !s) {
       return s;
     }
@@ -162,8 +162,8 @@ Status Network::start_orderers_and_peers() {
   // Peers take a moment to start; meanwhile the orderers are asked to join.
   for (const int k : site_.own_organisations()) {
     if (Status s = site_.processes().start(
-            fmt::format("peer{}", k), site_.places().peer(k), {site_.tool("peer"), "node", "start"},
-            peer_environment(site_.options(), site_.places(), k), site_.options().organisation_scheduling(k));
+            fmt::format("peer{}", k), site_.addresses().peer(k), {site_.tool("peer"), "node", "start"},
+            peer_environment(site_.options(), site_.addresses(), k), site_.options().organisation_scheduling(k));
         !s) {
       return s;
     }

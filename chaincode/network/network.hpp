@@ -13,14 +13,14 @@
 namespace ledgerline::network {
 
 /// A running network: orderers, peers and chaincode services as children of this process, which end with it, however it
-/// ends. A directory keeps its identities, ledgers and places: a second up() goes on where the last one ended. With
+/// ends. A directory keeps its identities, ledgers and addresses: a second up() goes on where the last one ended. With
 /// Options::only it is this host's part of a network that several hosts run. One thread, which must outlive all
 /// others (Children).
 class Network {
  public:
   explicit Network(Options options) : site_(std::move(options)) {}
 
-  /// Identities, places and the channels' first blocks, once; each host of several gets a copy of the directory.
+  /// Identities, addresses and the channels' first blocks, once; each host of several gets a copy of the directory.
   Status prepare();
   /// From nothing, or from what is in the directory, to a network whose contract answers. An error names the step, and
   /// has the last log lines of what failed.
@@ -31,7 +31,7 @@ class Network {
   bool down() { return site_.stop(); }
 
   const Options& options() const { return site_.options(); }
-  const ListenAddresses& places() const { return site_.places(); }
+  const ListenAddresses& addresses() const { return site_.addresses(); }
   /// In the order of their start: "orderer1", "peer1", "chaincode1", ...
   std::vector<Processes::State> processes() const { return site_.processes().states(); }
   Result<Counts> count() { return count_blocks(site_); }

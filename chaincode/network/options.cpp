@@ -60,19 +60,19 @@ Result<Options> read_options(Config& config, Options options) {
   for (std::size_t i = 0; i < channels; ++i) {
     options.channels.push_back(config.text({fmt::format("channel.{}.name", i), "a-z first, then a-z, 0-9, . and -"}));
   }
-  for (auto [table, places] :
+  for (auto [table, addresses] :
        {std::pair{Key{"organisation", "of its peer: three, Org1MSP to Org3MSP in this order, or none"},
-                  &options.organisation_places},
-        std::pair{Key{"orderer", "one or three, or none"}, &options.orderer_places}}) {
+                  &options.organisation_addresses},
+        std::pair{Key{"orderer", "one or three, or none"}, &options.orderer_addresses}}) {
     const std::size_t count = config.table_count(table);
     for (std::size_t i = 0; i < count; ++i) {
       const std::string key = fmt::format("{}.{}.", table.name, i);
-      places->push_back(
+      addresses->push_back(
           {config.text({key + "host", "IPv4"}),
            static_cast<std::uint16_t>(config.number({key + "port", "the first of three in a row"}, 1, 65'535))});
     }
   }
-  if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
+  if (!options.orderer_addresses.empty()) options.orderers = static_cast<int>(options.orderer_addresses.size());
   if (Status s = config.finish(); !s) return s.error();
   return options;
 }
@@ -81,19 +81,19 @@ Status check(const Options& options) {
   if (options.orderers != 1 && options.orderers != 3) {
     return Error{fmt::format("{} orderers: a network has 1 or 3", options.orderers)};
   }
-  const std::size_t organisations = options.organisation_places.size(), orderers = options.orderer_places.size();
+  const std::size_t organisations = options.organisation_addresses.size(), orderers = options.orderer_addresses.size();
   if ((organisations != 0 && organisations != identities::organisations) ||
       (orderers != 0 && orderers != static_cast<std::size_t>(options.orderers)) ||
       (organisations == 0) != (orderers == 0)) {
-    return Error{fmt::format("{} places of organisations and {} of orderers: give {} and {}, or none", organisations,
+    return Error{fmt::format("{} addresses of organisations and {} of orderers: give {} and {}, or none", organisations,
                              orderers, identities::organisations, options.orderers)};
   }
   if (options.ca && organisations != 0) {
-    return Error{"fabric-ca issues identities of a network on one host: give no places with --ca"};
+    return Error{"fabric-ca issues identities of a network on one host: give no addresses with --ca"};
   }
-  const ListenAddresses places{options.orderer_places, options.organisation_places, {}};
-  std::vector<ListenAddress> all = places.orderers;
-  all.insert(all.end(), places.organisations.begin(), places.organisations.end());
+  const ListenAddresses addresses{options.orderer_addresses, options.organisation_addresses, {}};
+  std::vector<ListenAddress> all = addresses.orderers;
+  all.insert(all.end(), addresses.organisations.begin(), addresses.organisations.end());
   for (std::size_t i = 0; i < all.size(); ++i) {
     in_addr ip{};
     if (::inet_pton(AF_INET, all[i].host.c_str(), &ip) != 1) {
@@ -120,7 +120,7 @@ Status check(const Options& options) {
     if (!known) return Error{fmt::format("there is no organisation \"{}\" for the background: org1 to org3", part)};
   }
   if (options.several_hosts() && orderers == 0) {
-    return Error{"parts on several hosts need the places of all: a file with [[organisation]] and [[orderer]]"};
+    return Error{"parts on several hosts need the addresses of all: a file with [[organisation]] and [[orderer]]"};
   }
   if (options.channels.empty()) return Error{"a network needs a channel"};
   for (auto name = options.channels.begin(); name != options.channels.end(); ++name) {
@@ -132,24 +132,24 @@ Status check(const Options& options) {
   return done;
 }
 
-Result<ListenAddress> parse_place(const std::string& text) {
+Result<ListenAddress> parse_listen_address(const std::string& text) {
   const auto colon = text.rfind(':');
-  ListenAddress place;
+  ListenAddress address;
   const char* const end = text.data() + text.size();
   if (colon != std::string::npos && colon > 0) {
-    place.host = text.substr(0, colon);
-    const auto [rest, error] = std::from_chars(text.data() + colon + 1, end, place.port);
-    if (error == std::errc() && rest == end && place.port != 0) return place;
+    address.host = text.substr(0, colon);
+    const auto [rest, error] = std::from_chars(text.data() + colon + 1, end, address.port);
+    if (error == std::errc() && rest == end && address.port != 0) return address;
   }
   return Error{fmt::format("\"{}\" is no HOST:PORT, such as 10.0.0.1:7051", text)};
 }
 
-Status parse_places(const std::vector<std::string>& texts, std::vector<ListenAddress>& places) {
-  places.clear();
+Status parse_listen_addresses(const std::vector<std::string>& texts, std::vector<ListenAddress>& addresses) {
+  addresses.clear();
   for (const std::string& text : texts) {
-    auto place = parse_place(text);
-    if (!place) return place.error();
-    places.push_back(std::move(*place));
+    auto address = parse_listen_address(text);
+    if (!address) return address.error();
+    addresses.push_back(std::move(*address));
   }
   return done;
 }
@@ -175,34 +175,34 @@ std::string ListenAddresses::orderer_operations(int number) const {
 
 std::vector<ListenAddress> ListenAddresses::bound(const Options& options) const {
   std::vector<ListenAddress> all;
-  const auto at = [](const ListenAddress& place, int offset) {
-    return static_cast<std::uint16_t>(place.port + offset);
+  const auto at = [](const ListenAddress& address, int offset) {
+    return static_cast<std::uint16_t>(address.port + offset);
   };
   for (int k = 1; k <= static_cast<int>(orderers.size()); ++k) {
-    const ListenAddress& place = orderers[static_cast<std::size_t>(k - 1)];
+    const ListenAddress& address = orderers[static_cast<std::size_t>(k - 1)];
     if (!options.runs_orderer(k)) continue;
-    for (int i = 0; i < ports_each; ++i) all.push_back({i > 0 ? loopback : place.host, at(place, i)});
+    for (int i = 0; i < ports_each; ++i) all.push_back({i > 0 ? loopback : address.host, at(address, i)});
   }
   for (int k = 1; k <= static_cast<int>(organisations.size()); ++k) {
-    const ListenAddress& place = organisations[static_cast<std::size_t>(k - 1)];
+    const ListenAddress& address = organisations[static_cast<std::size_t>(k - 1)];
     if (!options.runs_organisation(k)) continue;
-    for (int i = 0; i < ports_each; ++i) all.push_back({place.host, at(place, i)});
+    for (int i = 0; i < ports_each; ++i) all.push_back({address.host, at(address, i)});
   }
   return all;
 }
 
-ListenAddresses places_from(const Options& options, std::uint16_t first_port) {
-  ListenAddresses places;
+ListenAddresses listen_addresses_from(const Options& options, std::uint16_t first_port) {
+  ListenAddresses addresses;
   int port = first_port;
   const auto next = [&](int ports = ListenAddresses::ports_each) {
-    const ListenAddress place{options.host, static_cast<std::uint16_t>(port)};
+    const ListenAddress address{options.host, static_cast<std::uint16_t>(port)};
     port += ports;
-    return place;
+    return address;
   };
-  for (int k = 1; k <= options.orderers; ++k) places.orderers.push_back(next());
-  for (int k = 1; k <= identities::organisations; ++k) places.organisations.push_back(next());
-  for (int k = 0; options.ca && k <= identities::organisations; ++k) places.authorities.push_back(next(1));
-  return places;
+  for (int k = 1; k <= options.orderers; ++k) addresses.orderers.push_back(next());
+  for (int k = 1; k <= identities::organisations; ++k) addresses.organisations.push_back(next());
+  for (int k = 0; options.ca && k <= identities::organisations; ++k) addresses.authorities.push_back(next(1));
+  return addresses;
 }
 
 namespace {
@@ -212,37 +212,37 @@ std::string in_the_way_at(const ListenAddress& at) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   const int on = 1;
   ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  const sockaddr_in place = at.address();
-  const bool free = ::bind(fd, reinterpret_cast<const sockaddr*>(&place), sizeof place) == 0;
+  const sockaddr_in address = at.address();
+  const bool free = ::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
   const int why = errno;
   ::close(fd);
   if (free) return {};
   return why == EADDRINUSE ? "is taken: does this network run already, or another program?" : std::strerror(why);
 }
 
-nlohmann::json to_json(const ListenAddresses& places) {
+nlohmann::json to_json(const ListenAddresses& addresses) {
   nlohmann::json document;
-  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
-                                  {"organisations", &places.organisations},
-                                  {"authorities", &places.authorities}}) {
+  for (const auto& [name, all] : {std::pair{"orderers", &addresses.orderers},
+                                  {"organisations", &addresses.organisations},
+                                  {"authorities", &addresses.authorities}}) {
     document[name] = nlohmann::json::array();
-    for (const ListenAddress& place : *all) document[name].push_back(place.text());
+    for (const ListenAddress& address : *all) document[name].push_back(address.text());
   }
   return document;
 }
 
-Result<ListenAddresses> places_in(const nlohmann::json& document) {
-  ListenAddresses places;
-  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
-                                  {"organisations", &places.organisations},
-                                  {"authorities", &places.authorities}}) {
+Result<ListenAddresses> listen_addresses_in(const nlohmann::json& document) {
+  ListenAddresses addresses;
+  for (const auto& [name, all] : {std::pair{"orderers", &addresses.orderers},
+                                  {"organisations", &addresses.organisations},
+                                  {"authorities", &addresses.authorities}}) {
     if (!document.is_object() || !document.contains(name) || !document[name].is_array()) return Error{"it is damaged"};
     std::vector<std::string> texts;
     for (const auto& one : document[name]) texts.push_back(one.is_string() ? one.get<std::string>() : "");
-    if (Status s = parse_places(texts, *all); !s) return s.error();
+    if (Status s = parse_listen_addresses(texts, *all); !s) return s.error();
   }
-  if (places.organisations.size() != identities::organisations) return Error{"it is damaged"};
-  return places;
+  if (addresses.organisations.size() != identities::organisations) return Error{"it is damaged"};
+  return addresses;
 }
 
 /// From the first port on, or where there are enough free ones in a row.
@@ -252,15 +252,15 @@ ListenAddresses on_this_host(const Options& options) {
   const auto count = static_cast<std::uint16_t>(parts + (options.ca ? identities::organisations + 1 : 0));
   auto first = options.first_port != 0 ? options.first_port
                                        : static_cast<std::uint16_t>(lowest + (::getpid() * 31) % (highest - lowest));
-  ListenAddresses places = places_from(options, first);
+  ListenAddresses addresses = listen_addresses_from(options, first);
   for (int tried = 0; options.first_port == 0 && tried < 200; ++tried) {
-    auto all = places.bound({});
-    all.insert(all.end(), places.authorities.begin(), places.authorities.end());
+    auto all = addresses.bound({});
+    all.insert(all.end(), addresses.authorities.begin(), addresses.authorities.end());
     if (check_free(all)) break;
     first = static_cast<std::uint16_t>(first + count);
-    places = places_from(options, first);
+    addresses = listen_addresses_from(options, first);
   }
-  return places;
+  return addresses;
 }
 
 namespace fs = std::filesystem;
@@ -321,47 +321,47 @@ void copy_orderers(Copy& copy, const std::vector<int>& own, int all) {
 
 }  // namespace
 
-Status check_free(const std::vector<ListenAddress>& places) {
-  for (const ListenAddress& place : places) {
-    if (const std::string why = in_the_way_at(place); !why.empty()) {
-      return Error{fmt::format("TCP {} {}", place.text(), why)};
+Status check_free(const std::vector<ListenAddress>& addresses) {
+  for (const ListenAddress& address : addresses) {
+    if (const std::string why = in_the_way_at(address); !why.empty()) {
+      return Error{fmt::format("TCP {} {}", address.text(), why)};
     }
   }
   return done;
 }
 
-Result<ListenAddresses> choose_places(const Options& options) {
+Result<ListenAddresses> choose_listen_addresses(const Options& options) {
   const std::string file = options.dir + "/places.json";
-  const bool given = !options.organisation_places.empty();
-  const ListenAddresses wanted{options.orderer_places, options.organisation_places, {}};
+  const bool given = !options.organisation_addresses.empty();
+  const ListenAddresses wanted{options.orderer_addresses, options.organisation_addresses, {}};
   if (const auto kept = read_file(file); kept) {
-    auto places = places_in(nlohmann::json::parse(*kept, nullptr, false));
-    if (!places) return Error{file + ": " + places.error().message};
-    if (static_cast<int>(places->orderers.size()) != options.orderers || (given && *places != wanted)) {
-      return Error{file + " is of a network with other places: begin in an empty directory"};
+    auto addresses = listen_addresses_in(nlohmann::json::parse(*kept, nullptr, false));
+    if (!addresses) return Error{file + ": " + addresses.error().message};
+    if (static_cast<int>(addresses->orderers.size()) != options.orderers || (given && *addresses != wanted)) {
+      return Error{file + " is of a network with other addresses: begin in an empty directory"};
     }
-    if (options.ca == places->authorities.empty()) {
+    if (options.ca == addresses->authorities.empty()) {
       return Error{fmt::format("{} is of a network {} fabric-ca: begin in an empty directory", file,
                                options.ca ? "without" : "with")};
     }
-    return places;
+    return addresses;
   }
-  ListenAddresses places = given ? wanted : on_this_host(options);
-  if (Status s = write_file(file, to_json(places).dump(1), 0644); !s) return s.error();
-  return places;
+  ListenAddresses addresses = given ? wanted : on_this_host(options);
+  if (Status s = write_file(file, to_json(addresses).dump(1), 0644); !s) return s.error();
+  return addresses;
 }
 
 std::vector<HostParts> hosts_of(const Options& options) {
   std::vector<HostParts> hosts;
-  const auto at = [&](const ListenAddress& place) -> HostParts& {
+  const auto at = [&](const ListenAddress& address) -> HostParts& {
     const auto known =
-        std::find_if(hosts.begin(), hosts.end(), [&](const auto& one) { return one.host == place.host; });
-    return known != hosts.end() ? *known : hosts.emplace_back(HostParts{place.host, {}, {}});
+        std::find_if(hosts.begin(), hosts.end(), [&](const auto& one) { return one.host == address.host; });
+    return known != hosts.end() ? *known : hosts.emplace_back(HostParts{address.host, {}, {}});
   };
-  for (std::size_t i = 0; i < options.organisation_places.size(); ++i)
-    at(options.organisation_places[i]).organisations.push_back(static_cast<int>(i) + 1);
-  for (std::size_t i = 0; i < options.orderer_places.size(); ++i)
-    at(options.orderer_places[i]).orderers.push_back(static_cast<int>(i) + 1);
+  for (std::size_t i = 0; i < options.organisation_addresses.size(); ++i)
+    at(options.organisation_addresses[i]).organisations.push_back(static_cast<int>(i) + 1);
+  for (std::size_t i = 0; i < options.orderer_addresses.size(); ++i)
+    at(options.orderer_addresses[i]).orderers.push_back(static_cast<int>(i) + 1);
   return hosts;
 }
 

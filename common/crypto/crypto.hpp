@@ -184,7 +184,7 @@ Result<SigningIdentity> load_identity(Library library, const std::string& msp_id
 /// renewal with a new key is whole once the certificate is in its place.
 Result<IdentityFiles> identity_files(const std::string& msp_dir);
 /// Where an identity comes from, for who loads it again: a folder, or two files where `msp_dir` is empty.
-struct IdentityPlace {
+struct IdentitySource {
   Library library = Library::libcrypto;
   std::string msp_id{}, msp_dir{};
   IdentityFiles files{};

@@ -56,20 +56,20 @@ std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
 }
 
 /// Whether it can be one is not looked at.
-crypto::IdentityPlace identity_place(Config& config) {
-  crypto::IdentityPlace place;
-  place.msp_id = config.text({"ledger.msp_id", "our organisation, such as Org1MSP"});
-  place.msp_dir = config.text({"ledger.msp_dir",
-                               "folder with signcerts/ and keystore/ (*_sk, priv-key.pem or the only file); or "
-                               "`certificate` and `private_key`"},
-                              "");
-  place.files = {config.text({"ledger.certificate", "PEM file, in place of msp_dir"}, ""),
-                 config.text({"ledger.private_key",
-                              "PEM file of its key, P-256 or P-384: readable by its owner alone, or root's and "
-                              "readable by a group of ours, as Kubernetes mounts secrets (fsGroup)"},
-                             "")};
-  place.library = library_of(config, {"ledger.signer", "libcrypto needs a tenth of mbedTLS's time"}, "libcrypto");
-  return place;
+crypto::IdentitySource identity_source(Config& config) {
+  crypto::IdentitySource source;
+  source.msp_id = config.text({"ledger.msp_id", "our organisation, such as Org1MSP"});
+  source.msp_dir = config.text({"ledger.msp_dir",
+                                "folder with signcerts/ and keystore/ (*_sk, priv-key.pem or the only file); or "
+                                "`certificate` and `private_key`"},
+                               "");
+  source.files = {config.text({"ledger.certificate", "PEM file, in place of msp_dir"}, ""),
+                  config.text({"ledger.private_key",
+                               "PEM file of its key, P-256 or P-384: readable by its owner alone, or root's and "
+                               "readable by a group of ours, as Kubernetes mounts secrets (fsGroup)"},
+                              "")};
+  source.library = library_of(config, {"ledger.signer", "libcrypto needs a tenth of mbedTLS's time"}, "libcrypto");
+  return source;
 }
 
 }  // namespace
@@ -119,16 +119,16 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
                    "later configuration; none: the peer's blocks are taken unverified"},
                   "");
   out.blocks = block_source(config);
-  out.identity_place = identity_place(config);
+  out.identity_source = identity_source(config);
   out.verifier = library_of(config, verifier_key(), "libcrypto");
-  if (out.endpoint.empty() || out.tls_ca_file.empty() || out.identity_place.msp_id.empty()) return incomplete;
-  const crypto::IdentityFiles& files = out.identity_place.files;
+  if (out.endpoint.empty() || out.tls_ca_file.empty() || out.identity_source.msp_id.empty()) return incomplete;
+  const crypto::IdentityFiles& files = out.identity_source.files;
   const bool any_file = !files.certificate.empty() || !files.private_key.empty();
-  if (out.identity_place.msp_dir.empty() != any_file || files.certificate.empty() != files.private_key.empty())
+  if (out.identity_source.msp_dir.empty() != any_file || files.certificate.empty() != files.private_key.empty())
     return Error{"[ledger] needs msp_dir, or certificate and private_key: one or the other"};
-  const auto place = out.identity_place.files_now();
-  if (!place) return place.error();
-  auto identity = crypto::load_identity(out.identity_place.library, out.identity_place.msp_id, *place);
+  const auto source = out.identity_source.files_now();
+  if (!source) return source.error();
+  auto identity = crypto::load_identity(out.identity_source.library, out.identity_source.msp_id, *source);
   if (!identity) return identity.error();
   out.identity = std::move(*identity);
   if (config_block.empty()) return out;
@@ -211,8 +211,8 @@ Result<ChannelConfig> channel_of(const ClientConfig& config) {
 Status check_certificate_of(const std::string& msp_id, const std::string& certificate_pem, const ClientConfig& config,
                             const std::vector<crypto::MspRoot>& msps) {
   crypto::MspRoot known{msp_id, authorities_of(msp_id, msps)};
-  if (msp_id == config.identity_place.msp_id && !config.identity_place.msp_dir.empty()) {
-    const auto own = crypto::authorities_in(config.identity_place.msp_dir);
+  if (msp_id == config.identity_source.msp_id && !config.identity_source.msp_dir.empty()) {
+    const auto own = crypto::authorities_in(config.identity_source.msp_dir);
     if (!own) return own.error();
     known.ca_pem += *own;
   }

@@ -68,7 +68,7 @@ TimeNs Draws::next(const Distribution& distribution) noexcept {
     case Distribution::Kind::gamma:
       return within_limits(gamma_s(a, b, random_));
     case Distribution::Kind::recorded:
-      return (*distribution.values)[place_++ % distribution.values->size()];
+      return (*distribution.values)[next_++ % distribution.values->size()];
   }
   return 0;
 }

@@ -33,12 +33,12 @@ struct Distribution {
 /// around, from a place that the seed chooses, so that what followed each other follows each other. One thread.
 class Draws {
  public:
-  explicit Draws(std::uint64_t seed) : random_(seed), place_(random_.next()) {}
+  explicit Draws(std::uint64_t seed) : random_(seed), next_(random_.next()) {}
   TimeNs next(const Distribution& distribution) noexcept;
 
  private:
   Random random_;
-  std::uint64_t place_;
+  std::uint64_t next_;
 };
 
 /// Where recordings come from.

@@ -46,24 +46,24 @@ class ConfigFile::Writer {
   Writer(const std::vector<KeyDescription>& keys, const ConfigFile& file) : keys_(keys), file_(file) {}
 
   void write_table(const std::string& table) {
-    const std::size_t places = table.starts_with("[[") ? file_.places_of(table) : 1;
+    const std::size_t count = table.starts_with("[[") ? file_.count_of(table) : 1;
     text_ += "\n";
     for (const KeyDescription& key : keys_)
       if (key.table == table && key.key.empty()) text_ += comment(key.about);
-    if (places == 0) return write_place(table, 0, "# " + table + "\n", true);
-    for (std::size_t place = 0; place < places; ++place)
-      write_place(table, place, fmt::format("{}{}\n", place > 0 ? "\n" : "", table), place == 0);
+    if (count == 0) return write_table(table, 0, "# " + table + "\n", true);
+    for (std::size_t index = 0; index < count; ++index)
+      write_table(table, index, fmt::format("{}{}\n", index > 0 ? "\n" : "", table), index == 0);
   }
   std::string text() { return std::move(text_); }
 
  private:
-  void write_place(const std::string& table, std::size_t place, const std::string& heading, bool with_words) {
+  void write_table(const std::string& table, std::size_t index, const std::string& heading, bool with_words) {
     if (!table.empty()) text_ += heading;
     for (const KeyDescription& key : keys_) {
       if (key.table != table || key.key.empty()) continue;
       if (with_words) text_ += about(key);
       const auto value = std::find_if(file_.values_.begin(), file_.values_.end(), [&](const Value& one) {
-        return one.table == table && one.place == place && one.key == key.key;
+        return one.table == table && one.index == index && one.key == key.key;
       });
       if (value != file_.values_.end())
         text_ += fmt::format("{} = {}\n", key.key, value->value);
@@ -90,31 +90,31 @@ std::string toml(std::string_view text) {
   return out + "\"";
 }
 
-void ConfigFile::add(std::string table, std::string key, std::string value, std::size_t place) {
-  values_.push_back({std::move(table), place, std::move(key), std::move(value)});
+void ConfigFile::add(std::string table, std::string key, std::string value, std::size_t index) {
+  values_.push_back({std::move(table), index, std::move(key), std::move(value)});
 }
-void ConfigFile::text(std::string table, std::string key, std::string_view value, std::size_t place) {
-  add(std::move(table), std::move(key), toml(value), place);
+void ConfigFile::text(std::string table, std::string key, std::string_view value, std::size_t index) {
+  add(std::move(table), std::move(key), toml(value), index);
 }
-void ConfigFile::number(std::string table, std::string key, double value, int digits, std::size_t place) {
-  add(std::move(table), std::move(key), fmt::format("{:.{}f}", value, digits), place);
+void ConfigFile::number(std::string table, std::string key, double value, int digits, std::size_t index) {
+  add(std::move(table), std::move(key), fmt::format("{:.{}f}", value, digits), index);
 }
-void ConfigFile::number(std::string table, std::string key, int value, std::size_t place) {
-  add(std::move(table), std::move(key), std::to_string(value), place);
+void ConfigFile::number(std::string table, std::string key, int value, std::size_t index) {
+  add(std::move(table), std::move(key), std::to_string(value), index);
 }
 void ConfigFile::append(std::string_view toml) { appended_ += fmt::format("\n{}", toml); }
 
-std::size_t ConfigFile::places_of(const std::string& table) const {
-  std::size_t places = 0;
+std::size_t ConfigFile::count_of(const std::string& table) const {
+  std::size_t count = 0;
   for (const Value& value : values_)
-    if (value.table == table) places = std::max(places, value.place + 1);
-  return places;
+    if (value.table == table) count = std::max(count, value.index + 1);
+  return count;
 }
 
 std::string ConfigFile::plain() const {
   std::vector<std::pair<std::string, std::string>> tables{{"", ""}};  // TOML: what has no table stands before all
   for (const Value& value : values_) {
-    const std::string name = fmt::format("{} {}", value.table, value.place);
+    const std::string name = fmt::format("{} {}", value.table, value.index);
     auto at = std::find_if(tables.begin(), tables.end(),
                            [&](const auto& one) { return value.table.empty() || one.first == name; });
     if (at == tables.end()) at = tables.insert(at, {name, fmt::format("\n{}\n", value.table)});
@@ -131,10 +131,10 @@ Result<std::string> ConfigFile::commented(const std::string& heading, const std:
       return key.table == value.table && key.key == value.key;
     });
     if (!known) return Error{fmt::format("there is no key {} in {}", value.key, value.table)};
-    for (std::size_t place = 0; place < value.place; ++place) {
+    for (std::size_t index = 0; index < value.index; ++index) {
       if (std::none_of(values_.begin(), values_.end(),
-                       [&](const Value& other) { return other.table == value.table && other.place == place; }))
-        return Error{fmt::format("{} has no values at place {}", value.table, place)};
+                       [&](const Value& other) { return other.table == value.table && other.index == index; }))
+        return Error{fmt::format("{} has no values at index {}", value.table, index)};
     }
   }
   std::vector<std::string> tables;
@@ -147,10 +147,10 @@ Result<std::string> ConfigFile::commented(const std::string& heading, const std:
   return comment(heading) + writer.text();
 }
 
-void add_server(ConfigFile& file, const std::string& table, const Server& server, std::size_t place) {
-  file.text(table, "endpoint", server.endpoint, place);
-  file.text(table, "tls_ca", server.tls_ca, place);
-  if (!server.server_name.empty()) file.text(table, "server_name", server.server_name, place);
+void add_server(ConfigFile& file, const std::string& table, const Server& server, std::size_t index) {
+  file.text(table, "endpoint", server.endpoint, index);
+  file.text(table, "tls_ca", server.tls_ca, index);
+  if (!server.server_name.empty()) file.text(table, "server_name", server.server_name, index);
 }
 
 void add_ledger(ConfigFile& file, const LedgerAccess& access) {

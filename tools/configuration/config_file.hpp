@@ -18,13 +18,13 @@ std::string toml(std::string_view text);
 /// Values for the keys of one file.
 class ConfigFile {
  public:
-  /// `table`: "[ledger]", "[[drone]]"; empty: the top of the file. `place`: which [[table]] of that name. `value`:
+  /// `table`: "[ledger]", "[[drone]]"; empty: the top of the file. `index`: which [[table]] of that name. `value`:
   /// TOML.
-  void add(std::string table, std::string key, std::string value, std::size_t place = 0);
-  void text(std::string table, std::string key, std::string_view value, std::size_t place = 0);
+  void add(std::string table, std::string key, std::string value, std::size_t index = 0);
+  void text(std::string table, std::string key, std::string_view value, std::size_t index = 0);
   /// With this many digits behind the point.
-  void number(std::string table, std::string key, double value, int digits, std::size_t place = 0);
-  void number(std::string table, std::string key, int value, std::size_t place = 0);
+  void number(std::string table, std::string key, double value, int digits, std::size_t index = 0);
+  void number(std::string table, std::string key, int value, std::size_t index = 0);
   /// Tables of another file, as they stand there.
   void append(std::string_view toml);
 
@@ -34,17 +34,17 @@ class ConfigFile {
   /// (docs/configuration.md). `keys`: of the file, in the reader's order. A key without a value stands there as a
   /// comment with its default; so does a whole [[table]] that has none. The comments of a [[table]] are at its first
   /// one alone. What was appended is not in it. An error: a value of a key that the program does not read, or a
-  /// [[table]] whose places have a gap.
+  /// [[table]] whose indices have a gap.
   Result<std::string> commented(const std::string& heading, const std::vector<KeyDescription>& keys) const;
 
  private:
   struct Value {
     std::string table;
-    std::size_t place;
+    std::size_t index;
     std::string key, value;
   };
   class Writer;
-  std::size_t places_of(const std::string& table) const;
+  std::size_t count_of(const std::string& table) const;
 
   std::vector<Value> values_;
   std::string appended_;
@@ -57,7 +57,7 @@ struct Server {
   std::string server_name{};  ///< in its certificate; empty: the endpoint's host
   std::string tls_ca{};       ///< file
 };
-void add_server(ConfigFile& file, const std::string& table, const Server& server, std::size_t place = 0);
+void add_server(ConfigFile& file, const std::string& table, const Server& server, std::size_t index = 0);
 
 /// How a program reaches the ledger. What is empty is left out of its config.
 struct LedgerAccess {

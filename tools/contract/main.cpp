@@ -331,7 +331,7 @@ Result<bool> status(const Options& options, Lifecycle& lifecycle) {
 }
 
 void print_commands(const Options& options, const std::string& verb, const fabric::ClientConfig& client) {
-  const PeerCommands commands{client, client.identity_place.msp_dir};
+  const PeerCommands commands{client, client.identity_source.msp_dir};
   const Definition definition{options.version, static_cast<std::int64_t>(std::max<std::uint64_t>(1, options.sequence))};
   std::string text;
   if (verb == "install") {

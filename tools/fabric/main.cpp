@@ -55,18 +55,18 @@ nlohmann::json describe(const Network& network) {
                  processes = nlohmann::json::array();
   std::string endpoint;
   for (int k = 1; k <= identities::organisations; ++k) {
-    peers.push_back(network.places().peer(k));
-    if (endpoint.empty() && options.runs_organisation(k)) endpoint = network.places().peer(k);
+    peers.push_back(network.addresses().peer(k));
+    if (endpoint.empty() && options.runs_organisation(k)) endpoint = network.addresses().peer(k);
   }
-  for (int k = 1; k <= options.orderers; ++k) orderers.push_back(network.places().orderer(k));
+  for (int k = 1; k <= options.orderers; ++k) orderers.push_back(network.addresses().orderer(k));
   nlohmann::json authorities = nlohmann::json::array();
-  for (std::size_t k = 0; k < network.places().authorities.size(); ++k) {
-    authorities.push_back(network.places().authority(static_cast<int>(k)));
+  for (std::size_t k = 0; k < network.addresses().authorities.size(); ++k) {
+    authorities.push_back(network.addresses().authority(static_cast<int>(k)));
   }
   for (const auto& one : network.processes()) {
     processes.push_back({{"name", one.name}, {"address", one.address}, {"pid", one.pid}, {"restarts", one.restarts}});
     if (one.name.starts_with("orderer")) {
-      processes.back()["operations"] = network.places().orderer_operations(std::stoi(one.name.substr(7)));
+      processes.back()["operations"] = network.addresses().orderer_operations(std::stoi(one.name.substr(7)));
     }
   }
   return {{"ready", true},
@@ -222,7 +222,7 @@ int make_identities(Options options) {
   const auto hosts = network::hosts_of(options);
   if (hosts.empty()) {
     return fail(
-        Error{"identities are for several hosts: give all places, as [[organisation]] and [[orderer]] in a file"},
+        Error{"identities are for several hosts: give all addresses, as [[organisation]] and [[orderer]] in a file"},
         exit_usage);
   }
   options.dir = all + "/authority";
@@ -255,18 +255,18 @@ int revoke(const VerbOptions& verb_options) {
   if (!running || !running->contains("authorities")) return fail(Error{"no network runs in " + options.dir});
   options.dir = std::filesystem::canonical(options.dir);
   options.channels = (*running)["channels"].get<std::vector<std::string>>();
-  network::ListenAddresses places;
-  for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
-                                  {"peers", &places.organisations},
-                                  {"authorities", &places.authorities}}) {
-    if (Status s = network::parse_places((*running)[name].get<std::vector<std::string>>(), *all); !s)
+  network::ListenAddresses addresses;
+  for (const auto& [name, all] : {std::pair{"orderers", &addresses.orderers},
+                                  {"peers", &addresses.organisations},
+                                  {"authorities", &addresses.authorities}}) {
+    if (Status s = network::parse_listen_addresses((*running)[name].get<std::vector<std::string>>(), *all); !s)
       return fail(s.error());
   }
   const int organisation = verb_options.organisation;
   if (!verb_options.list.empty()) {
     const auto list = network::read_list(options, organisation, verb_options.list);
     if (!list) return fail(list.error());
-    if (Status s = network::publish_list(options, places, organisation, *list); !s) return fail(s.error());
+    if (Status s = network::publish_list(options, addresses, organisation, *list); !s) return fail(s.error());
     std::printf("whom %s names is revoked in organisation %d\n", verb_options.list.c_str(), organisation);
     return 0;
   }
@@ -276,7 +276,7 @@ int revoke(const VerbOptions& verb_options) {
     if (!pem) return fail(pem.error());
     revoked.certificate_pem = std::move(*pem);
   }
-  if (Status s = network::revoke(options, places, organisation, revoked); !s) return fail(s.error());
+  if (Status s = network::revoke(options, addresses, organisation, revoked); !s) return fail(s.error());
   if (verb_options.user.empty()) {
     std::printf("the certificate in %s is revoked in organisation %d\n", verb_options.certificate.c_str(),
                 organisation);
@@ -301,12 +301,12 @@ void find_programs(Options& options) {
 
 Status add_places(Options& options, const std::vector<std::string>& organisations,
                   const std::vector<std::string>& orderers) {
-  for (const auto& [texts, places] :
-       {std::pair{&organisations, &options.organisation_places}, std::pair{&orderers, &options.orderer_places}}) {
+  for (const auto& [texts, addresses] :
+       {std::pair{&organisations, &options.organisation_addresses}, std::pair{&orderers, &options.orderer_addresses}}) {
     if (texts->empty()) continue;
-    if (Status s = network::parse_places(*texts, *places); !s) return s;
+    if (Status s = network::parse_listen_addresses(*texts, *addresses); !s) return s;
   }
-  if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
+  if (!options.orderer_addresses.empty()) options.orderers = static_cast<int>(options.orderer_addresses.size());
   return network::check(options);
 }
 

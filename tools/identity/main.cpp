@@ -15,13 +15,13 @@
 #include "common/rt/clock.hpp"
 #include "tools/command/verbs.hpp"
 #include "tools/identity/core/authority_commands.hpp"
-#include "tools/identity/shell/place.hpp"
+#include "tools/identity/shell/identity_source.hpp"
 #include "tools/init/core/host.hpp"
 
 namespace {
 
 using namespace ledgerline;
-using crypto::IdentityPlace;
+using crypto::IdentitySource;
 using Pair = crypto::Renewal::Pair;
 
 constexpr const char* about = "A host's key and certificate: from fabric-ca, renewed, revoked, and how long they hold.";
@@ -41,7 +41,7 @@ struct Options {
   std::string name, secret_file, program = "fabric-ca-client";
   identity::Authority authority;
   identity::Wanted wanted;
-  IdentityPlace place;
+  IdentitySource source;
   std::string config, list, config_block, msp_id, update;
   identity::Revoked revoked;
   bool same_key = false, json = false;
@@ -71,26 +71,26 @@ Status print(const Pair& pair) {
 }
 
 Status enroll(Options& options) {
-  if (!identity::is_free(options.place))
+  if (!identity::is_free(options.source))
     return Error{fmt::format("{} has a key or a certificate already: `ledgerline identity renew`, or move it away",
-                             identity::text_of(options.place))};
+                             identity::text_of(options.source))};
   const auto secret = options.secret_file.empty() ? ask_secret("Enrolment secret of " + options.name)
                                                   : read_secret(options.secret_file);
   if (!secret) return secret.error();
-  const auto home = identity::Home::make(identity::text_of(options.place));
+  const auto home = identity::Home::make(identity::text_of(options.source));
   if (!home) return home.error();
   const auto command = identity::enroll(options.authority, home->text(), options.name, *secret, options.wanted);
   if (!command) return command.error();
   if (Status ran = run_command(*command, *home); !ran) return ran;
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
-  if (Status placed = identity::put(options.place, *pair); !placed) return placed;
+  if (Status placed = identity::put(options.source, *pair); !placed) return placed;
   return print(*pair);
 }
 
 /// Checked as the programs that take it will.
 Status renew(Options& options) {
-  const auto files = options.place.files_now();
+  const auto files = options.source.files_now();
   if (!files) return files.error();
   const auto old = crypto::read_pair(*files);
   if (!old) return old.error();
@@ -99,7 +99,7 @@ Status renew(Options& options) {
     if (!parts) return parts.error();
     options.wanted.subject_parts = std::move(*parts);
   }
-  const auto home = identity::Home::make(identity::text_of(options.place));
+  const auto home = identity::Home::make(identity::text_of(options.source));
   if (!home) return home.error();
   if (Status lent = home->put_pair(*old); !lent) return lent;
   const auto command =
@@ -108,15 +108,15 @@ Status renew(Options& options) {
   if (Status ran = run_command(*command, *home); !ran) return ran;
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
-  crypto::Renewal renewal(identity::text_of(options.place), old->certificate.subject, old->certificate.not_after_s);
+  crypto::Renewal renewal(identity::text_of(options.source), old->certificate.subject, old->certificate.not_after_s);
   if (Status checked = renewal.check(pair, unix_now_s()); !checked)
     return Error{"the new certificate is not put in place: " + checked.error().message};
-  if (Status placed = identity::put(options.place, *pair); !placed) return placed;
+  if (Status placed = identity::put(options.source, *pair); !placed) return placed;
   return print(*pair);
 }
 
 Status revoke(Options& options) {
-  const auto files = options.place.files_now();
+  const auto files = options.source.files_now();
   if (!files) return files.error();
   const auto registrar = crypto::read_pair(*files);
   if (!registrar) return registrar.error();
@@ -156,8 +156,8 @@ struct Shown {
 };
 
 /// `config_dir`: where the host's authorities/ are; empty: beside the folder.
-Shown inspect(const std::string& what, const IdentityPlace& place, const std::string& config_dir) {
-  const auto files = place.files_now();
+Shown inspect(const std::string& what, const IdentitySource& source, const std::string& config_dir) {
+  const auto files = source.files_now();
   const auto pair = files ? crypto::read_pair(*files) : Result<Pair>(files.error());
   Shown shown{.what = what, .subject = {}, .issuer = {}, .problem = {}};
   if (!pair) {
@@ -168,8 +168,8 @@ Shown inspect(const std::string& what, const IdentityPlace& place, const std::st
   shown.issuer = printable(pair->certificate.issuer);
   shown.left_s = pair->certificate.not_after_s - unix_now_s();
   Status good = crypto::check_fits(pair->key_pem, pair->certificate_pem);
-  if (good && !place.msp_dir.empty()) {
-    const std::filesystem::path folder = std::filesystem::absolute(place.msp_dir).lexically_normal();
+  if (good && !source.msp_dir.empty()) {
+    const std::filesystem::path folder = std::filesystem::absolute(source.msp_dir).lexically_normal();
     good = init::check_authority(config_dir.empty() ? folder.parent_path().string() : config_dir, folder.string(),
                                  pair->certificate_pem);
   }
@@ -178,45 +178,45 @@ Shown inspect(const std::string& what, const IdentityPlace& place, const std::st
 }
 
 /// Of a program's config: [ledger]'s identity and [own_endorser]'s, and the TLS pair of each table that names one.
-Result<std::vector<std::pair<std::string, IdentityPlace>>> places_of(const std::string& file) {
+Result<std::vector<std::pair<std::string, IdentitySource>>> sources_of(const std::string& file) {
   auto config = Config::load(file);
   if (!config) return config.error();
-  std::vector<std::pair<std::string, IdentityPlace>> places;
-  places.emplace_back("identity", IdentityPlace{.msp_dir = config->text("ledger.msp_dir", ""),
-                                                .files = {config->text("ledger.certificate", ""),
-                                                          config->text("ledger.private_key", "")}});
+  std::vector<std::pair<std::string, IdentitySource>> sources;
+  sources.emplace_back("identity", IdentitySource{.msp_dir = config->text("ledger.msp_dir", ""),
+                                                  .files = {config->text("ledger.certificate", ""),
+                                                            config->text("ledger.private_key", "")}});
   if (const std::string own = config->text("own_endorser.msp_dir", ""); !own.empty())
-    places.emplace_back("[own_endorser]", IdentityPlace{.msp_dir = own});
+    sources.emplace_back("[own_endorser]", IdentitySource{.msp_dir = own});
   const auto add_tls = [&](const std::string& table, const std::string& shown) {
     const crypto::IdentityFiles files{config->text(table + ".tls_certificate", ""),
                                       config->text(table + ".tls_key", "")};
-    if (!files.certificate.empty()) places.emplace_back("TLS of " + shown, IdentityPlace{.files = files});
+    if (!files.certificate.empty()) sources.emplace_back("TLS of " + shown, IdentitySource{.files = files});
   };
   for (const std::string table : {"ledger", "service", "serve", "own_endorser"}) add_tls(table, "[" + table + "]");
   for (const std::string table : {"orderer", "endorser", "peer", "channel"}) {
     for (std::size_t i = 0; i < config->table_count(table); ++i)
       add_tls(fmt::format("{}.{}", table, i), fmt::format("[[{}]] {}", table, i + 1));
   }
-  return places;
+  return sources;
 }
 
 Result<bool> status(const Options& options) {
-  std::vector<std::pair<std::string, IdentityPlace>> places{{"identity", options.place}};
+  std::vector<std::pair<std::string, IdentitySource>> sources{{"identity", options.source}};
   if (!options.config.empty()) {
-    auto found = places_of(options.config);
+    auto found = sources_of(options.config);
     if (!found) return found.error();
-    places = std::move(*found);
+    sources = std::move(*found);
   }
   bool good = true;
   nlohmann::json all = nlohmann::json::array();
-  for (const auto& [what, place] : places) {
+  for (const auto& [what, source] : sources) {
     const std::string config_dir =
         options.config.empty() ? "" : std::filesystem::absolute(options.config).parent_path().string();
-    const Shown one = inspect(what, place, config_dir);
+    const Shown one = inspect(what, source, config_dir);
     good = good && one.problem.empty() && one.left_s >= crypto::renew_within_days * crypto::day_s;
     if (options.json) {
       all.push_back({{"what", what},
-                     {"place", identity::text_of(place)},
+                     {"place", identity::text_of(source)},
                      {"subject", one.subject},
                      {"issuer", one.issuer},
                      {"days", crypto::days_left(one.left_s, 0)},
@@ -232,10 +232,10 @@ Result<bool> status(const Options& options) {
   return good;
 }
 
-void add_place(Verb& verb, Options& options, const char* what) {
-  verb.option("--msp-dir", options.place.msp_dir, what);
-  verb.option("--certificate", options.place.files.certificate, "PEM file, with --key, in place of --msp-dir");
-  verb.option("--key", options.place.files.private_key, "PEM file of its key");
+void add_source(Verb& verb, Options& options, const char* what) {
+  verb.option("--msp-dir", options.source.msp_dir, what);
+  verb.option("--certificate", options.source.files.certificate, "PEM file, with --key, in place of --msp-dir");
+  verb.option("--key", options.source.files.private_key, "PEM file of its key");
 }
 
 void add_authority(Verb& verb, Options& options) {
@@ -254,9 +254,9 @@ void add_wanted(Verb& verb, Options& options, const char* subject) {
 }
 
 int run(Options& options, const std::string& verb) {
-  const bool both = !options.place.files.certificate.empty() && !options.place.files.private_key.empty();
-  const bool either = both || !options.place.files.certificate.empty() || !options.place.files.private_key.empty();
-  const bool placed = options.place.msp_dir.empty() ? both : !either;
+  const bool both = !options.source.files.certificate.empty() && !options.source.files.private_key.empty();
+  const bool either = both || !options.source.files.certificate.empty() || !options.source.files.private_key.empty();
+  const bool placed = options.source.msp_dir.empty() ? both : !either;
   if (verb == "status" ? placed == !options.config.empty() : !placed)
     return fail({verb == "status" ? "give one of --config, --msp-dir, and --certificate with --key"
                                   : "give one of --msp-dir, and --certificate with --key"},
@@ -289,19 +289,19 @@ int ledgerline::command::identity(int argc, char** argv) {
       .existing_file();
   add_authority(enroll, options);
   add_wanted(enroll, options, "what stands beside the name: O=org1.example.com,C=DE");
-  add_place(enroll, options, "where key and certificate are put");
+  add_source(enroll, options, "where key and certificate are put");
   Verb renew = line.verb("renew", "a new certificate, with a new key, in place of one that still holds");
   renew.flag("--same-key", options.same_key, "for the key that is there");
   add_authority(renew, options);
   add_wanted(renew, options, "as it was enrolled with; without: as the certificate says");
-  add_place(renew, options, "where they are");
+  add_source(renew, options, "where they are");
   Verb revoke =
       line.verb("revoke", "at the authority: all certificates of a name, or one; and the list of all revoked");
   revoke.option("NAME", options.name, "whose");
   revoke.option("--serial", options.revoked.serial, "in place of NAME: of one certificate, hexadecimal, with --aki");
   revoke.option("--aki", options.revoked.authority_key, "its authority key identifier, hexadecimal");
   add_authority(revoke, options);
-  add_place(revoke, options, "of the registrar, who may revoke");
+  add_source(revoke, options, "of the registrar, who may revoke");
   revoke.option("--list", options.list, "where the list is written, PEM").required();
   revoke.option("--config-block", options.config_block, "newest configuration block of the channel").existing_file();
   revoke.option("--msp-id", options.msp_id, "with it: whose list it is");
@@ -309,7 +309,7 @@ int ledgerline::command::identity(int argc, char** argv) {
                 "with it: the update of the channel that an administrator has to sign and send");
   Verb status = line.verb("status", "whose certificates these are, and for how many days");
   status.option("--config", options.config, "of agent, ground or endorser: all that it names").existing_file();
-  add_place(status, options, "where they are");
+  add_source(status, options, "where they are");
   status.flag("--json", options.json, "as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
   for (const Verb& verb : {enroll, renew, revoke, status}) {

@@ -54,12 +54,12 @@ Server endorser_of(const RunFiles& files, std::size_t organisation, const std::s
 }
 
 /// With a peer of each organisation, whose answers a receipt needs.
-std::string control_config(const RunFiles& files, const LedgerPlaces& places, int organisation,
+std::string control_config(const RunFiles& files, const LedgerEndpoints& endpoints, int organisation,
                            const std::string& user) {
   ConfigFile out;
-  LedgerAccess access = access_of(files, places.endpoint, organisation, user);
-  for (std::size_t k = 1; k <= places.peers.size(); ++k)
-    access.endorsers.push_back(endorser_of(files, k, places.peers[k - 1]));
+  LedgerAccess access = access_of(files, endpoints.endpoint, organisation, user);
+  for (std::size_t k = 1; k <= endpoints.peers.size(); ++k)
+    access.endorsers.push_back(endorser_of(files, k, endpoints.peers[k - 1]));
   add_ledger(out, access);
   return out.plain();
 }
@@ -107,9 +107,9 @@ const char* const proxy_address = "127.0.2.1";  // toward the drones; link has t
 
 void add_drones(ConfigFile& out, const Options& options) {
   for (int k = 1; k <= options.drones; ++k) {
-    const auto place = static_cast<std::size_t>(k) - 1;
-    out.text("[[drone]]", "name", drone_name(options, k), place);
-    out.number("[[drone]]", "number", k, place);
+    const auto index = static_cast<std::size_t>(k) - 1;
+    out.text("[[drone]]", "name", drone_name(options, k), index);
+    out.number("[[drone]]", "number", k, index);
   }
 }
 
@@ -118,36 +118,36 @@ void add_flown_drones(ConfigFile& out, const Options& options) {
   add_drones(out, options);
   for (const auto& [k, task] : options.tasks) {
     if (k > options.drones) continue;
-    const auto place = static_cast<std::size_t>(k) - 1;
-    out.text("[[drone]]", "shape", task.file.empty() ? ground::name_of(task.course.shape) : "waypoints", place);
-    if (!task.file.empty()) out.text("[[drone]]", "waypoints", task.file, place);
-    out.number("[[drone]]", "side_m", task.course.side_m, 3, place);
-    out.number("[[drone]]", "speed_mps", task.course.speed_mps, 3, place);
-    out.number("[[drone]]", "laps", task.course.laps, place);
+    const auto index = static_cast<std::size_t>(k) - 1;
+    out.text("[[drone]]", "shape", task.file.empty() ? ground::name_of(task.course.shape) : "waypoints", index);
+    if (!task.file.empty()) out.text("[[drone]]", "waypoints", task.file, index);
+    out.number("[[drone]]", "side_m", task.course.side_m, 3, index);
+    out.number("[[drone]]", "speed_mps", task.course.speed_mps, 3, index);
+    out.number("[[drone]]", "laps", task.course.laps, index);
   }
 }
 
 // A simulated one stands where the simulator puts it, so that those which fly by onboard odometry have one frame.
 void add_links_drones(ConfigFile& out, const Options& options) {
-  const sim::Parameters places;
+  const sim::Parameters parameters;
   add_drones(out, options);
   for (int k = 1; k <= options.drones; ++k) {
-    const auto place = static_cast<std::size_t>(k) - 1;
+    const auto index = static_cast<std::size_t>(k) - 1;
     const deployment::OwnDrone own =
-        options.own ? options.own->drones[place]
+        options.own ? options.own->drones[index]
                     : deployment::OwnDrone{.address = options.proxy ? proxied_address_of(k) : address_of(k),
-                                           .start_m = sim::start_of(places, k)};
-    out.text("[[drone]]", "address", own.address, place);
-    out.add("[[drone]]", "start_m", vector_of(own.start_m, "{:.3f}"), place);
-    out.number("[[drone]]", "start_yaw_rad", own.start_yaw_rad, 4, place);
-    if (!own.interface.empty()) out.text("[[drone]]", "interface", own.interface, place);
-    if (!own.serial.empty()) out.text("[[drone]]", "serial", own.serial, place);
-    if (pose_of(options) == "none") out.add("[[drone]]", "by_hand_without_pose", "true", place);
+                                           .start_m = sim::start_of(parameters, k)};
+    out.text("[[drone]]", "address", own.address, index);
+    out.add("[[drone]]", "start_m", vector_of(own.start_m, "{:.3f}"), index);
+    out.number("[[drone]]", "start_yaw_rad", own.start_yaw_rad, 4, index);
+    if (!own.interface.empty()) out.text("[[drone]]", "interface", own.interface, index);
+    if (!own.serial.empty()) out.text("[[drone]]", "serial", own.serial, index);
+    if (pose_of(options) == "none") out.add("[[drone]]", "by_hand_without_pose", "true", index);
   }
 }
 
 // One host's way to the ledger, through the proxy where there is one.
-std::string place(const Proxied& proxied, const std::string& name, const std::string& otherwise) {
+std::string endpoint_of(const Proxied& proxied, const std::string& name, const std::string& otherwise) {
   const auto found = proxied.find(name);
   return found == proxied.end() ? otherwise : found->second;
 }
@@ -267,9 +267,9 @@ Status write_local_configs(const RunFiles& files, const Options& options) {
   return write_file(files.config("local"), local.plain());
 }
 
-Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places) {
+Status write_endorser_config(const RunFiles& files, const LedgerEndpoints& endpoints) {
   const std::string own = endorser_dir(files);
-  LedgerAccess access = access_of(files, places.endpoint, 1, "");
+  LedgerAccess access = access_of(files, endpoints.endpoint, 1, "");
   access.msp_dir = own + "/msp";
   ConfigFile out;
   add_ledger(out, access);
@@ -279,7 +279,7 @@ Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places) 
   return write_file(files.config("endorser"), out.plain());
 }
 
-Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
+Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerEndpoints& endpoints) {
   ConfigFile out;
   out.add("[proxy]", "seed", std::to_string(options.seed));
   out.text("[proxy]", "faults", files.proxy_faults());
@@ -298,10 +298,10 @@ Status write_proxy_config(const RunFiles& files, const Options& options, const L
     out.text("[[server]]", "address", address, servers++);
   };
   for (const std::string program : {"agent", "ground"}) {
-    server(program, places.endpoint);
-    for (std::size_t i = 0; i < places.orderers.size(); ++i) server(orderer_name(program, i), places.orderers[i]);
-    for (std::size_t k = 2; k <= places.peers.size(); ++k) server(endorser_name(program, k), places.peers[k - 1]);
-    if (!places.own_endorser.empty()) server(own_endorser_name(program), places.own_endorser);
+    server(program, endpoints.endpoint);
+    for (std::size_t i = 0; i < endpoints.orderers.size(); ++i) server(orderer_name(program, i), endpoints.orderers[i]);
+    for (std::size_t k = 2; k <= endpoints.peers.size(); ++k) server(endorser_name(program, k), endpoints.peers[k - 1]);
+    if (!endpoints.own_endorser.empty()) server(own_endorser_name(program), endpoints.own_endorser);
   }
   return write_file(files.config(proxy_name), out.plain());
 }
@@ -309,20 +309,23 @@ Status write_proxy_config(const RunFiles& files, const Options& options, const L
 namespace {
 
 /// Agent's and ground's way to a ledger that the flight has started.
-LedgerAccess follower_access(const RunFiles& files, const Options& options, const LedgerPlaces& places,
+LedgerAccess follower_access(const RunFiles& files, const Options& options, const LedgerEndpoints& endpoints,
                              const Proxied& proxied, const std::string& program) {
-  LedgerAccess access = access_of(files, place(proxied, program, places.endpoint), program == "agent" ? 1 : 2, "User1");
+  LedgerAccess access =
+      access_of(files, endpoint_of(proxied, program, endpoints.endpoint), program == "agent" ? 1 : 2, "User1");
   access.timeouts = deployment::timeout_with(both_ways(options));
-  for (std::size_t i = 0; !options.gateway && i < places.orderers.size(); ++i)
+  for (std::size_t i = 0; !options.gateway && i < endpoints.orderers.size(); ++i)
     access.orderers.push_back(
-        {"", place(proxied, orderer_name(program, i), places.orderers[i]), "",
+        {"", endpoint_of(proxied, orderer_name(program, i), endpoints.orderers[i]), "",
          files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem")});
-  if (!places.own_endorser.empty() && !(options.endorser_within && program == "agent"))
-    access.endorsers.push_back(endorser_of(files, 1, place(proxied, own_endorser_name(program), places.own_endorser)));
-  for (std::size_t k = 1; !options.gateway && k <= places.peers.size(); ++k)
-    access.endorsers.push_back(endorser_of(files, k,
-                                           k == 1 ? place(proxied, program, places.endpoint)
-                                                  : place(proxied, endorser_name(program, k), places.peers[k - 1])));
+  if (!endpoints.own_endorser.empty() && !(options.endorser_within && program == "agent"))
+    access.endorsers.push_back(
+        endorser_of(files, 1, endpoint_of(proxied, own_endorser_name(program), endpoints.own_endorser)));
+  for (std::size_t k = 1; !options.gateway && k <= endpoints.peers.size(); ++k)
+    access.endorsers.push_back(
+        endorser_of(files, k,
+                    k == 1 ? endpoint_of(proxied, program, endpoints.endpoint)
+                           : endpoint_of(proxied, endorser_name(program, k), endpoints.peers[k - 1])));
   for (int k = 1; k <= 3; ++k)
     access.msps.emplace_back(msp_id_of(k),
                              fmt::format("{}/ca/ca.org{}.ledgerline-cert.pem", organisation_dir(files, k), k));
@@ -331,7 +334,7 @@ LedgerAccess follower_access(const RunFiles& files, const Options& options, cons
 
 }  // namespace
 
-Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
+Status write_configs(const RunFiles& files, const Options& options, const LedgerEndpoints& endpoints,
                      const Proxied& proxied) {
   if (!options.listen.empty()) {
     if (auto s = make_page_certificate(files, listen_address_from(options.listen)->address); !s) return s;
@@ -343,7 +346,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
     if (network) {
       out.append(program == "agent" ? network->agent : network->ground);
     } else {
-      add_ledger(out, follower_access(files, options, places, proxied, program));
+      add_ledger(out, follower_access(files, options, endpoints, proxied, program));
       out.text("[ledger]", "blocks", options.blocks);
     }
     add_output(out, files, program);
@@ -357,7 +360,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   if (options.endorser_within) {
     const std::string own = endorser_dir(files);
     agent.text("[own_endorser]", "msp_dir", own + "/msp");
-    agent.text("[own_endorser]", "listen", places.own_endorser);
+    agent.text("[own_endorser]", "listen", endpoints.own_endorser);
     agent.text("[own_endorser]", "tls_certificate", own + "/tls/server.crt");
     agent.text("[own_endorser]", "tls_key", own + "/tls/server.key");
     agent.text("[own_endorser]", "summary", files.summary("endorser"));
@@ -373,9 +376,9 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
       {"link", link_config(files, options)},
       {"agent", agent.plain()},
       {"ground", ground.plain()},
-      {"admin", network ? network->admin : control_config(files, places, 1, "Admin")},
-      {"operators-admin", network ? "" : control_config(files, places, 2, "Admin")},
-      {"operator", network ? network->pilot : control_config(files, places, 2, "User1")},
+      {"admin", network ? network->admin : control_config(files, endpoints, 1, "Admin")},
+      {"operators-admin", network ? "" : control_config(files, endpoints, 2, "Admin")},
+      {"operator", network ? network->pilot : control_config(files, endpoints, 2, "User1")},
   };
   for (const auto& [program, text] : all) {
     if (text.empty() || (program == "operators-admin" && options.operators.empty())) continue;

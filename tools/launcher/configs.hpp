@@ -41,7 +41,7 @@ Status write_local_configs(const RunFiles& files, const Options& options);
 inline const std::string proxy_name = "hil-proxy";
 
 /// Where the ledger is.
-struct LedgerPlaces {
+struct LedgerEndpoints {
   std::string endpoint;               ///< of the node, or of the peer of the drones' organisation
   std::vector<std::string> orderers;  ///< of Fabric, for the direct path
   std::vector<std::string> peers;     ///< one of each organisation; the first is `endpoint`
@@ -49,21 +49,21 @@ struct LedgerPlaces {
 };
 
 /// Writes endorser.toml, for the endorser of the drones' organisation.
-Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places);
+Status write_endorser_config(const RunFiles& files, const LedgerEndpoints& endpoints);
 
 /// The shim's memory: it must be a file in memory, so it is not in the run's folder; of this process and run.
 std::string shim_memory(const RunFiles& files);
 
 /// Writes the proxy's config: every drone but those behind the shim, and for agent and ground a server of their own for
-/// each of `places`. The ready line reports their ports.
-Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places);
+/// each of `endpoints`. The ready line reports their ports.
+Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerEndpoints& endpoints);
 
 /// The addresses of a proxy's servers by name ("agent", "ground", "agent-orderer1" ...); empty: no proxy.
 using Proxied = std::map<std::string, std::string>;
 
 /// Writes link.toml, agent.toml, ground.toml, and admin.toml and operator.toml for ledgerline control.
-/// `proxied`: what agent and ground are given in the place of `places`.
-Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
+/// `proxied`: what agent and ground are given in the place of `endpoints`.
+Status write_configs(const RunFiles& files, const Options& options, const LedgerEndpoints& endpoints,
                      const Proxied& proxied = {});
 
 /// What a flight's agent.toml says of time: for the blocks of a ledger that the flight starts, and --max-age.

@@ -38,7 +38,7 @@ Status FlightLedger::start() {
 Status FlightLedger::prepare() {
   if (is_of_others(options_)) {
     if (auto s = preflight_.blocks_fit(); !s) return s;
-    if (auto s = write_configs(files_, options_, LedgerPlaces{}); !s) return s;
+    if (auto s = write_configs(files_, options_, LedgerEndpoints{}); !s) return s;
     return enroll_and_acquire();
   }
   const json ready = json::parse(programs_.ready_line(program_));
@@ -51,16 +51,16 @@ Status FlightLedger::prepare() {
       all.push_back(one.is_string() ? one.get<std::string>() : "");
     return all;
   };
-  LedgerPlaces places{ready["endpoint"], texts("orderers"), texts("peers")};
+  LedgerEndpoints endpoints{ready["endpoint"], texts("orderers"), texts("peers")};
   if (options_.endorser) {
-    if (auto s = start_endorser(places); !s) return s;
+    if (auto s = start_endorser(endpoints); !s) return s;
   }
-  if (options_.endorser_within) places.own_endorser = fmt::format("127.0.0.1:{}", free_port());
+  if (options_.endorser_within) endpoints.own_endorser = fmt::format("127.0.0.1:{}", free_port());
   Proxied proxied;
   if (options_.proxy) {
-    if (auto s = start_proxy(places, proxied); !s) return s;
+    if (auto s = start_proxy(endpoints, proxied); !s) return s;
   }
-  if (auto s = write_configs(files_, options_, places, proxied); !s) return s;
+  if (auto s = write_configs(files_, options_, endpoints, proxied); !s) return s;
   return enroll_and_acquire();
 }
 
@@ -148,19 +148,19 @@ Status FlightLedger::enroll_operators() {
   return done;
 }
 
-Status FlightLedger::start_endorser(LedgerPlaces& places) {
-  if (auto s = write_endorser_config(files_, places); !s) return s;
+Status FlightLedger::start_endorser(LedgerEndpoints& endpoints) {
+  if (auto s = write_endorser_config(files_, endpoints); !s) return s;
   if (auto s = programs_.start("endorser", {files_.config("endorser")}); !s) return s;
   if (auto s = programs_.wait_ready({"endorser"}); !s) return s;
   const json ready = json::parse(programs_.ready_line("endorser"));
-  places.own_endorser = ready.value("endpoint", "");
-  if (places.own_endorser.empty())
+  endpoints.own_endorser = ready.value("endpoint", "");
+  if (endpoints.own_endorser.empty())
     return Error{"the endorser did not say where it listens: " + programs_.ready_line("endorser")};
   return done;
 }
 
-Status FlightLedger::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
-  if (auto s = write_proxy_config(files_, options_, places); !s) return s;
+Status FlightLedger::start_proxy(const LedgerEndpoints& endpoints, Proxied& proxied) {
+  if (auto s = write_proxy_config(files_, options_, endpoints); !s) return s;
   std::vector<std::string> arguments{"proxy", "--config", files_.config(proxy_name)};
   if (!options_.faults.empty()) arguments.insert(arguments.end(), {"--script", options_.faults});
   if (auto s = programs_.start(proxy_name, std::move(arguments)); !s) return s;

@@ -95,8 +95,8 @@ class FlightLedger {
   Status check_leases(const deployment::OwnLedger& network);
   Status enroll_and_acquire();
   Status enroll_operators();
-  Status start_endorser(LedgerPlaces& places);
-  Status start_proxy(const LedgerPlaces& places, Proxied& proxied);
+  Status start_endorser(LedgerEndpoints& endpoints);
+  Status start_proxy(const LedgerEndpoints& endpoints, Proxied& proxied);
 
   const Options& options_;
   const RunFiles& files_;

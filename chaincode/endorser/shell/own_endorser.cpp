@@ -92,11 +92,11 @@ Status start_own_endorser(const Settings& settings, fabric::ClientConfig& ledger
   auto identity = crypto::load_identity(crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir);
   if (!identity) return Error{"own_endorser.msp_dir: " + identity.error().message};
   own.identity = std::move(*identity);
-  own.identity_place = {crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir, {}};
+  own.identity_source = {crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir, {}};
   // The TLS pairs of [ledger] are watched by who made `ledger`.
   fabric::ClientConfig watched;
   watched.identity = own.identity;
-  watched.identity_place = own.identity_place;
+  watched.identity_source = own.identity_source;
   std::vector<fabric::ClientConfig::TlsPair> served;
   if (!settings.serve.listen.empty()) served.push_back({settings.serve.tls_certificate, settings.serve.tls_key});
   auto certificates = fabric::CertificateWatch::create(watched, nullptr, served);

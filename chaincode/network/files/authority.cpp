@@ -29,7 +29,7 @@ fs::path certificate_of(const std::string& dir, int organisation) { return home_
 /// revokes and is no member of the channel.
 std::string server_config(const Authorities& authorities, int organisation, const std::string& secret) {
   const std::string domain = domain_of(organisation);
-  const ListenAddress& place = authorities.places[organisation];
+  const ListenAddress& address = authorities.addresses[organisation];
   // Certificates and lists hold for ten years, as those of chaincode/identities do.
   return fmt::format(R"yaml(address: {host}
 port: {port}
@@ -59,7 +59,7 @@ cfg: {{identities: {{passwordattempts: 10}}}}
 operations: {{listenAddress: "127.0.0.1:0"}}
 metrics: {{provider: disabled}}
 )yaml",
-                     fmt::arg("host", place.host), fmt::arg("port", place.port), fmt::arg("domain", domain),
+                     fmt::arg("host", address.host), fmt::arg("port", address.port), fmt::arg("domain", domain),
                      fmt::arg("registrar", registrar), fmt::arg("secret", secret));
 }
 
@@ -71,7 +71,7 @@ Command client_command(const Authorities& authorities, int organisation, const s
   return {what,
           std::move(words),
           {"FABRIC_CA_CLIENT_HOME=" + home.string(),
-           "FABRIC_CA_CLIENT_URL=https://" + who + authorities.places[organisation].text(),
+           "FABRIC_CA_CLIENT_URL=https://" + who + authorities.addresses[organisation].text(),
            "FABRIC_CA_CLIENT_TLS_CERTFILES=" + certificate_of(authorities.dir, organisation).string()}};
 }
 
@@ -146,8 +146,8 @@ Result<crypto::KeyAndCertificate> read_enrolled(const fs::path& home) {
 
 }  // namespace
 
-Authorities authorities(const Options& options, const ListenAddresses& places) {
-  return {options.dir, options.tools, places.authorities};
+Authorities authorities(const Options& options, const ListenAddresses& addresses) {
+  return {options.dir, options.tools, addresses.authorities};
 }
 
 bool has_authorities(const std::string& dir) { return fs::exists(fs::path(dir) / "ca"); }
@@ -189,8 +189,8 @@ std::vector<std::string> authority_environment(const Authorities& authorities, i
 
 bool authority_listens(const Authorities& authorities, int organisation) {
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  const sockaddr_in place = authorities.places[organisation].address();
-  const bool listens = ::connect(fd, reinterpret_cast<const sockaddr*>(&place), sizeof place) == 0;
+  const sockaddr_in address = authorities.addresses[organisation].address();
+  const bool listens = ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
   ::close(fd);
   return listens;
 }

@@ -17,12 +17,12 @@
 namespace ledgerline::network {
 
 struct Authorities {
-  std::string dir, tools;             ///< of the network, and the folder with fabric-ca's programs
-  std::vector<ListenAddress> places;  ///< the orderers' first
+  std::string dir, tools;                ///< of the network, and the folder with fabric-ca's programs
+  std::vector<ListenAddress> addresses;  ///< the orderers' first
 };
 
 /// Of the fabric-ca of each organisation.
-Authorities authorities(const Options& options, const ListenAddresses& places);
+Authorities authorities(const Options& options, const ListenAddresses& addresses);
 
 /// DIR has authorities: a network begun with them goes on with them.
 bool has_authorities(const std::string& dir);
@@ -63,7 +63,8 @@ Result<bool> has_revocation_list(std::string_view config_block, const std::strin
 /// Puts `list` into the configuration of each of `options.channels` of a running network, in the name of the
 /// organisation's administrator, whose signature suffices for its own MSP. Returns when every peer knows. May be
 /// repeated.
-Status publish_list(const Options& options, const ListenAddresses& places, int organisation, const std::string& list);
+Status publish_list(const Options& options, const ListenAddresses& addresses, int organisation,
+                    const std::string& list);
 /// A file with a revocation list (PEM) that the organisation's authority has signed.
 Result<std::string> read_list(const Options& options, int organisation, const std::string& file);
 
@@ -71,6 +72,6 @@ Result<std::string> read_list(const Options& options, int organisation, const st
 /// them: at its fabric-ca, then by publish_list(). From then on peers refuse it, and what it endorses is invalid; what
 /// stands on the ledger stays. An error: what is not looked up in lists, or what the organisation's administrator signs
 /// with.
-Status revoke(const Options& options, const ListenAddresses& places, int organisation, const Revoked& revoked);
+Status revoke(const Options& options, const ListenAddresses& addresses, int organisation, const Revoked& revoked);
 
 }  // namespace ledgerline::network

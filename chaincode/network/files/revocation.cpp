@@ -116,7 +116,7 @@ Status replace_list(msp::FabricMSPConfig& msp, const std::string& list) {
 /// A channel of a running network.
 struct Where {
   const Options& options;
-  const ListenAddresses& places;
+  const ListenAddresses& addresses;
   std::string channel;
 };
 
@@ -126,7 +126,7 @@ Result<std::string> fetch_config(const Where& where, int organisation, const std
   const std::string file = fmt::format("{}/config.{}.block", options.dir, ::getpid());
   Command command{"fetching the configuration of channel " + where.channel,
                   {options.tools + "/peer", "channel", "fetch", "config", file, "-c", where.channel},
-                  admin_environment(options, where.places, organisation)};
+                  admin_environment(options, where.addresses, organisation)};
   command.words.insert(command.words.end(), orderer.begin(), orderer.end());
   const auto ran = run_command(command, options.dir + "/logs/revocation.log");
   auto block = read_file(file);
@@ -166,7 +166,7 @@ Status try_for_a_while(const Try& attempt) {
 /// One attempt through one orderer; done too when the list is there already.
 Status update_channel(const Where& where, int organisation, int number, const std::string& list) {
   const Options& options = where.options;
-  const std::vector<std::string> orderer{"-o", where.places.orderer(number), "--tls", "--cafile",
+  const std::vector<std::string> orderer{"-o", where.addresses.orderer(number), "--tls", "--cafile",
                                          identities::orderer_dir(options.dir, number) / "tls" / "ca.crt"};
   const std::string msp_id = identities::msp_id_of(organisation);
   const auto block = fetch_config(where, organisation, orderer);
@@ -180,7 +180,7 @@ Status update_channel(const Where& where, int organisation, int number, const st
   if (Status s = write_file(file, *update); !s) return s;
   Command command{"updating the configuration of channel " + where.channel,
                   {options.tools + "/peer", "channel", "update", "-f", file, "-c", where.channel},
-                  admin_environment(options, where.places, organisation)};
+                  admin_environment(options, where.addresses, organisation)};
   command.words.insert(command.words.end(), orderer.begin(), orderer.end());
   const auto updated = run_command(command, options.dir + "/logs/revocation.log");
   std::error_code error;
@@ -273,22 +273,23 @@ Result<std::string> read_list(const Options& options, int organisation, const st
   return list;
 }
 
-Status revoke(const Options& options, const ListenAddresses& places, int organisation, const Revoked& revoked) {
+Status revoke(const Options& options, const ListenAddresses& addresses, int organisation, const Revoked& revoked) {
   if (revoked.user == "Admin") return Error{admin_signs};
   if (!has_authorities(options.dir)) return Error{options.dir + " has no fabric-ca: it was not begun with --ca"};
   if (revoked.user.empty()) {
     if (Status s = check_revocable(options, organisation, revoked.certificate_pem); !s) return s;
   }
-  const auto list = revoke_at_authority(authorities(options, places), organisation, revoked);
+  const auto list = revoke_at_authority(authorities(options, addresses), organisation, revoked);
   if (!list) return list.error();
-  return publish_list(options, places, organisation, *list);
+  return publish_list(options, addresses, organisation, *list);
 }
 
-Status publish_list(const Options& options, const ListenAddresses& places, int organisation, const std::string& list) {
+Status publish_list(const Options& options, const ListenAddresses& addresses, int organisation,
+                    const std::string& list) {
   if (Status s = write_lists(options, organisation, list); !s) return s;
-  const int orderers = static_cast<int>(places.orderers.size());
+  const int orderers = static_cast<int>(addresses.orderers.size());
   for (const std::string& channel : options.channels) {
-    const Where where{options, places, channel};
+    const Where where{options, addresses, channel};
     int tried = 0;  // an orderer may just have started, or be gone: the next one
     const Status updated =
         try_for_a_while([&] { return update_channel(where, organisation, tried++ % orderers + 1, list); });

@@ -64,24 +64,24 @@ std::string tls_file(const std::filesystem::path& member, const char* name) { re
 
 }  // namespace
 
-std::string configtx_yaml(const Options& options, const ListenAddresses& places) {
+std::string configtx_yaml(const Options& options, const ListenAddresses& addresses) {
   std::string organisations, members, endpoints, consenters;
   std::vector<std::string> application;
   for (int k = 1; k <= options.orderers; ++k) {
     const auto dir = identities::orderer_dir(options.dir, k);
-    const ListenAddress& place = places.orderers[static_cast<std::size_t>(k - 1)];
-    endpoints += fmt::format("      - {}\n", places.orderer(k));
+    const ListenAddress& address = addresses.orderers[static_cast<std::size_t>(k - 1)];
+    endpoints += fmt::format("      - {}\n", addresses.orderer(k));
     consenters +=
-        fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", place.host, place.port,
-                    yaml_text(tls_file(dir, "server.crt")), yaml_text(tls_file(dir, "server.crt")));
+        fmt::format("        - {{Host: {}, Port: {}, ClientTLSCert: {}, ServerTLSCert: {}}}\n", address.host,
+                    address.port, yaml_text(tls_file(dir, "server.crt")), yaml_text(tls_file(dir, "server.crt")));
   }
   organisations += organisation_yaml(orderer_msp, identities::ordering_dir(options.dir) / "msp",
                                      "    OrdererEndpoints:\n" + endpoints);
   for (int k = 1; k <= identities::organisations; ++k) {
-    const ListenAddress& place = places.organisations[static_cast<std::size_t>(k - 1)];
-    organisations +=
-        organisation_yaml(msp_id_of(k), identities::organisation_dir(options.dir, k) / "msp",
-                          fmt::format("    AnchorPeers:\n      - {{Host: {}, Port: {}}}\n", place.host, place.port));
+    const ListenAddress& address = addresses.organisations[static_cast<std::size_t>(k - 1)];
+    organisations += organisation_yaml(
+        msp_id_of(k), identities::organisation_dir(options.dir, k) / "msp",
+        fmt::format("    AnchorPeers:\n      - {{Host: {}, Port: {}}}\n", address.host, address.port));
     members += fmt::format("        - *{}\n", msp_id_of(k));
     application.push_back(msp_id_of(k));
   }
@@ -121,14 +121,14 @@ std::string configtx_yaml(const Options& options, const ListenAddresses& places)
                                                  {"Endorsement", implicit("MAJORITY Endorsement")}})));
 }
 
-std::vector<std::string> orderer_environment(const Options& options, const ListenAddresses& places, int number) {
+std::vector<std::string> orderer_environment(const Options& options, const ListenAddresses& addresses, int number) {
   const auto own = identities::orderer_dir(options.dir, number);
-  const ListenAddress& place = places.orderers[static_cast<std::size_t>(number - 1)];
+  const ListenAddress& address = addresses.orderers[static_cast<std::size_t>(number - 1)];
   const std::string data = fmt::format("{}/orderer{}", options.dir, number);
   const std::string key = tls_file(own, "server.key"), certificate = tls_file(own, "server.crt"),
                     ca = tls_file(own, "ca.crt");
   return {"FABRIC_CFG_PATH=" + options.tools + "/config", "FABRIC_LOGGING_SPEC=warn",
-          "ORDERER_GENERAL_LISTENADDRESS=" + place.host, fmt::format("ORDERER_GENERAL_LISTENPORT={}", place.port),
+          "ORDERER_GENERAL_LISTENADDRESS=" + address.host, fmt::format("ORDERER_GENERAL_LISTENPORT={}", address.port),
           fmt::format("ORDERER_GENERAL_LOCALMSPID={}", orderer_msp),
           "ORDERER_GENERAL_LOCALMSPDIR=" + (own / "msp").string(), "ORDERER_GENERAL_BOOTSTRAPMETHOD=none",
           "ORDERER_GENERAL_TLS_ENABLED=true", "ORDERER_GENERAL_TLS_PRIVATEKEY=" + key,
@@ -137,20 +137,20 @@ std::vector<std::string> orderer_environment(const Options& options, const Liste
           "ORDERER_GENERAL_CLUSTER_ROOTCAS=[" + ca + "]",
           // A leader that is gone holds up what is forwarded to it for as long.
           "ORDERER_GENERAL_CLUSTER_RPCTIMEOUT=1s", "ORDERER_GENERAL_CLUSTER_DIALTIMEOUT=1s",
-          "ORDERER_CHANNELPARTICIPATION_ENABLED=true", "ORDERER_ADMIN_LISTENADDRESS=" + places.orderer_admin(number),
+          "ORDERER_CHANNELPARTICIPATION_ENABLED=true", "ORDERER_ADMIN_LISTENADDRESS=" + addresses.orderer_admin(number),
           "ORDERER_ADMIN_TLS_ENABLED=true", "ORDERER_ADMIN_TLS_PRIVATEKEY=" + key,
           "ORDERER_ADMIN_TLS_CERTIFICATE=" + certificate, "ORDERER_ADMIN_TLS_ROOTCAS=[" + ca + "]",
           "ORDERER_ADMIN_TLS_CLIENTAUTHREQUIRED=true", "ORDERER_ADMIN_TLS_CLIENTROOTCAS=[" + ca + "]",
-          "ORDERER_OPERATIONS_LISTENADDRESS=" + places.orderer_operations(number),
+          "ORDERER_OPERATIONS_LISTENADDRESS=" + addresses.orderer_operations(number),
           "ORDERER_METRICS_PROVIDER=prometheus",  // who leads is said there alone
           "ORDERER_FILELEDGER_LOCATION=" + data + "/ledger", "ORDERER_CONSENSUS_WALDIR=" + data + "/wal",
           "ORDERER_CONSENSUS_SNAPDIR=" + data + "/snapshots"};
 }
 
-std::vector<std::string> peer_environment(const Options& options, const ListenAddresses& places, int organisation) {
+std::vector<std::string> peer_environment(const Options& options, const ListenAddresses& addresses, int organisation) {
   const auto own = identities::peer_dir(options.dir, organisation);
   const std::string data = fmt::format("{}/peer{}", options.dir, organisation);
-  const std::string listen = places.peer(organisation);
+  const std::string listen = addresses.peer(organisation);
   // Gossip looks for the other peers once a second: until one that was started again knows them, its gateway finds
   // nobody to endorse as a second one. A peer whose orderers were gone for an hour would, by Fabric's default, ask them
   // again ten minutes later. One that has 2 x blockBufferSize blocks to commit (Fabric's default: 40) sleeps 100 ms for
@@ -161,7 +161,7 @@ std::vector<std::string> peer_environment(const Options& options, const ListenAd
           "CORE_PEER_NETWORKID=ledgerline",
           "CORE_PEER_ADDRESS=" + listen,
           "CORE_PEER_LISTENADDRESS=" + listen,
-          "CORE_PEER_CHAINCODELISTENADDRESS=" + places.peer_chaincode(organisation),
+          "CORE_PEER_CHAINCODELISTENADDRESS=" + addresses.peer_chaincode(organisation),
           "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
           "CORE_PEER_MSPCONFIGPATH=" + (own / "msp").string(),
           "CORE_PEER_FILESYSTEMPATH=" + data,
@@ -189,27 +189,27 @@ std::vector<std::string> peer_environment(const Options& options, const ListenAd
           "CORE_METRICS_PROVIDER=disabled"};
 }
 
-std::vector<std::string> admin_environment(const Options& options, const ListenAddresses& places, int organisation) {
+std::vector<std::string> admin_environment(const Options& options, const ListenAddresses& addresses, int organisation) {
   return {"FABRIC_CFG_PATH=" + options.tools + "/config",
           "FABRIC_LOGGING_SPEC=warn",
-          "CORE_PEER_ADDRESS=" + places.peer(organisation),
+          "CORE_PEER_ADDRESS=" + addresses.peer(organisation),
           "CORE_PEER_LOCALMSPID=" + msp_id_of(organisation),
           "CORE_PEER_MSPCONFIGPATH=" + (identities::user_dir(options.dir, organisation, "Admin") / "msp").string(),
           "CORE_PEER_TLS_ENABLED=true",
           "CORE_PEER_TLS_ROOTCERT_FILE=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
 }
 
-std::vector<std::string> chaincode_environment(const Options& options, const ListenAddresses& places, int organisation,
-                                               const std::string& package_id) {
+std::vector<std::string> chaincode_environment(const Options& options, const ListenAddresses& addresses,
+                                               int organisation, const std::string& package_id) {
   const auto own = identities::organisation_dir(options.dir, organisation) / "chaincode";
-  return {"CHAINCODE_ID=" + package_id, "CHAINCODE_SERVER_ADDRESS=" + places.chaincode(organisation),
+  return {"CHAINCODE_ID=" + package_id, "CHAINCODE_SERVER_ADDRESS=" + addresses.chaincode(organisation),
           "CHAINCODE_TLS_KEY=" + tls_file(own, "server.key"), "CHAINCODE_TLS_CERT=" + tls_file(own, "server.crt"),
           "CHAINCODE_TLS_CLIENT_CA=" + tls_file(identities::peer_dir(options.dir, organisation), "ca.crt")};
 }
 
-std::string connection_json(const ListenAddresses& places, int organisation, const std::string& ca_pem) {
+std::string connection_json(const ListenAddresses& addresses, int organisation, const std::string& ca_pem) {
   return chaincode_lifecycle::connection_json(
-      {.address = places.chaincode(organisation), .root_pem = ca_pem, .client_auth = true});
+      {.address = addresses.chaincode(organisation), .root_pem = ca_pem, .client_auth = true});
 }
 
 std::string builder_script(const std::string& name) {

@@ -41,9 +41,9 @@ std::map<std::string, RaftSign> raft_signs(const std::string& metrics) {
 }
 
 Result<std::string> fetch_metrics(const std::string& address) {
-  const auto place = parse_place(address);
-  if (!place) return place.error();
-  const sockaddr_in to = place->address();
+  const auto listen = parse_listen_address(address);
+  if (!listen) return listen.error();
+  const sockaddr_in to = listen->address();
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   constexpr timeval timeout{0, 200'000};
   ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);

@@ -35,7 +35,7 @@ Status Deployment::make_package(int organisation) {
     const auto ca = read_file(identities::peer_dir(site_.options().dir, organisation) / "tls" / "ca.crt");
     if (!ca) return ca.error();
     if (Status s = replace_file(
-            package, chaincode_lifecycle::make_package(label, connection_json(site_.places(), organisation, *ca)),
+            package, chaincode_lifecycle::make_package(label, connection_json(site_.addresses(), organisation, *ca)),
             0600);
         !s)
       return s;
@@ -55,10 +55,10 @@ Status Deployment::make_packages() {
 
 Status Deployment::start_services() {
   for (const int k : site_.own_organisations()) {
-    if (Status s = site_.processes().start(fmt::format("chaincode{}", k), site_.places().chaincode(k),
-                                           {site_.options().chaincode},
-                                           chaincode_environment(site_.options(), site_.places(), k, package_ids_[k]),
-                                           site_.options().organisation_scheduling(k));
+    if (Status s = site_.processes().start(
+            fmt::format("chaincode{}", k), site_.addresses().chaincode(k), {site_.options().chaincode},
+            chaincode_environment(site_.options(), site_.addresses(), k, package_ids_[k]),
+            site_.options().organisation_scheduling(k));
         !s) {
       return s;
     }
@@ -92,7 +92,7 @@ std::vector<std::string> Deployment::lifecycle(const std::string& verb, const st
   std::vector<std::string> words{"lifecycle", "chaincode", verb};
   words.insert(words.end(), more.begin(), more.end());
   words.insert(words.end(),
-               {"-o", site_.places().orderer(1), "--tls", "--cafile",
+               {"-o", site_.addresses().orderer(1), "--tls", "--cafile",
                 identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel, "--name",
                 "ledgerline", "--version", contract::version, "--sequence", std::to_string(sequence)});
   // Without one the channel's holds, /Channel/Application/Endorsement: a majority of its organisations.
@@ -112,7 +112,7 @@ Status Deployment::approve(const std::string& channel, int organisation, int seq
 Status Deployment::commit(const std::string& channel, int sequence) {
   std::vector<std::string> words = lifecycle("commit", channel, sequence);
   for (int k = 1; k <= identities::organisations; ++k) {
-    words.insert(words.end(), {"--peerAddresses", site_.places().peer(k), "--tlsRootCertFiles",
+    words.insert(words.end(), {"--peerAddresses", site_.addresses().peer(k), "--tlsRootCertFiles",
                                identities::peer_dir(site_.options().dir, k) / "tls" / "ca.crt"});
   }
   return site_.call_peer("committing the contract on channel " + channel, 1, words,
@@ -126,7 +126,7 @@ Result<Deployment::Definition> Deployment::definition_on(const std::string& chan
                                          "--output",         "json"};
   const auto ask = [&] {
     return site_.processes().run("asking for the contract's definition on channel " + channel, command,
-                                 admin_environment(site_.options(), site_.places(), organisation));
+                                 admin_environment(site_.options(), site_.addresses(), organisation));
   };
   auto printed = ask();
   for (const TimeNs until = monotonic_ns() + site_.timeout(); !printed && monotonic_ns() < until; printed = ask()) {

@@ -39,9 +39,9 @@ Status Site::open() {
     return Error{in("crypto") + " is not from fabric-ca: begin in an empty directory"};
   }
   processes_ = std::make_unique<Processes>(in("logs"));
-  auto places = choose_places(options_);
-  if (!places) return places.error();
-  places_ = std::move(*places);
+  auto addresses = choose_listen_addresses(options_);
+  if (!addresses) return addresses.error();
+  addresses_ = std::move(*addresses);
   return done;
 }
 
@@ -86,7 +86,7 @@ Status Site::poll(TimeNs duration) {
 }
 
 std::map<std::string, RaftSign> Site::signs_of(int orderer) const {
-  const auto metrics = fetch_metrics(places_.orderer_operations(orderer));
+  const auto metrics = fetch_metrics(addresses_.orderer_operations(orderer));
   return metrics ? raft_signs(*metrics) : std::map<std::string, RaftSign>{};
 }
 
@@ -98,12 +98,12 @@ Status Site::run_until_good(const std::string& what, const std::vector<std::stri
 Status Site::call_peer(const std::string& what, int organisation, std::vector<std::string> words,
                        const std::string& good_too) {
   words.insert(words.begin(), tool("peer"));
-  return run_until_good(what, words, admin_environment(options_, places_, organisation), good_too);
+  return run_until_good(what, words, admin_environment(options_, addresses_, organisation), good_too);
 }
 
 Result<std::unique_ptr<fabric::Client>> Site::connect(int organisation, const std::string& channel) const {
   fabric::ClientConfig config;
-  config.endpoint = places_.peer(organisation);
+  config.endpoint = addresses_.peer(organisation);
   config.tls_ca_file = identities::peer_dir(options_.dir, organisation) / "tls" / "ca.crt";
   config.where.channel = channel;
   auto identity = crypto::load_identity(crypto::Library::libcrypto, identities::msp_id_of(organisation),
@@ -117,11 +117,11 @@ namespace {
 
 Status issue_identities(Site& site, const identities::Hosts& hosts) {
   if (!site.options().ca) return identities::make(site.options().dir, site.options().orderers, hosts);
-  const Authorities all = authorities(site.options(), site.places());
+  const Authorities all = authorities(site.options(), site.addresses());
   if (Status s = prepare_authorities(all); !s) return s;
-  if (Status s = check_free(site.places().authorities); !s) return s;
+  if (Status s = check_free(site.addresses().authorities); !s) return s;
   for (int k = 0; k <= identities::organisations; ++k) {
-    if (Status s = site.processes().start(authority_name(k), site.places().authority(k), authority_command(all),
+    if (Status s = site.processes().start(authority_name(k), site.addresses().authority(k), authority_command(all),
                                           authority_environment(all, k));
         !s) {
       return s;
@@ -147,8 +147,9 @@ Status make_crypto_material(Site& site) {
                  "fabric identities`, and bring each its own folder"};
   }
   identities::Hosts hosts;
-  for (const ListenAddress& place : site.options().organisation_places) hosts.organisations.push_back(place.host);
-  for (const ListenAddress& place : site.options().orderer_places) hosts.orderers.push_back(place.host);
+  for (const ListenAddress& address : site.options().organisation_addresses)
+    hosts.organisations.push_back(address.host);
+  for (const ListenAddress& address : site.options().orderer_addresses) hosts.orderers.push_back(address.host);
   if (Status s = issue_identities(site, hosts); !s) return s;
   for (const char* name : {"detect", "build", "release"}) {
     if (Status s = write_file(site.in(std::string("builder/bin/") + name), builder_script(name), 0755); !s) return s;
@@ -179,7 +180,7 @@ Status join_orderers_to(Site& site, const std::string& channel) {
     if (Status s = site.run_until_good(
             fmt::format("orderer {} joining channel {}", k, channel),
             {site.tool("osnadmin"), "channel", "join", "--channelID", channel, "--config-block",
-             first_block_of(site, channel), "-o", site.places().orderer_admin(k), "--ca-file", own / "ca.crt",
+             first_block_of(site, channel), "-o", site.addresses().orderer_admin(k), "--ca-file", own / "ca.crt",
              "--client-cert", own / "server.crt", "--client-key", own / "server.key"},
             {}, "channel already exists");
         !s) {
@@ -204,7 +205,7 @@ Result<Counts> count_on(Site& site, const std::string& channel) {
   const int organisation = site.own_organisations().front();
   const auto printed = site.processes().run(fmt::format("asking peer {} for its height", organisation),
                                             {site.tool("peer"), "channel", "getinfo", "-c", channel},
-                                            admin_environment(site.options(), site.places(), organisation));
+                                            admin_environment(site.options(), site.addresses(), organisation));
   if (!printed) return printed.error();
   const auto brace = printed->find('{');
   const auto info = nlohmann::json::parse(printed->substr(std::min(brace, printed->size())), nullptr, false);
@@ -234,7 +235,8 @@ Result<Counts> count_on(Site& site, const std::string& channel) {
 }  // namespace
 
 Status make_first_blocks(Site& site) {
-  if (Status s = write_file(site.in("config/configtx.yaml"), configtx_yaml(site.options(), site.places()), 0644); !s) {
+  if (Status s = write_file(site.in("config/configtx.yaml"), configtx_yaml(site.options(), site.addresses()), 0644);
+      !s) {
     return s;
   }
   return site.once_per_channel("block", [&](const std::string& channel) { return make_first_block(site, channel); });

@@ -17,19 +17,19 @@ namespace ledgerline::network {
 inline constexpr TimeNs starting_limit_ns = 20 * ns_per_s;
 
 /// This host's part of a network, as the steps of its set-up share it: its directory with what is done already, its
-/// places and its processes. One thread, which must outlive all others (Children).
+/// addresses and its processes. One thread, which must outlive all others (Children).
 class Site {
  public:
   explicit Site(Options options);
   Site(const Site&) = delete;
   Site& operator=(const Site&) = delete;
 
-  /// Checks options and programs, makes the directory, and goes on with what it has: fabric-ca and places. Before
+  /// Checks options and programs, makes the directory, and goes on with what it has: fabric-ca and addresses. Before
   /// anything else.
   Status open();
 
   const Options& options() const { return options_; }
-  const ListenAddresses& places() const { return places_; }
+  const ListenAddresses& addresses() const { return addresses_; }
   std::string in(const std::string& name) const { return options_.dir + "/" + name; }
   std::string tool(const std::string& program) const { return options_.tools + "/" + program; }
   /// Organisations or orderers of which this host runs the processes.
@@ -62,7 +62,7 @@ class Site {
 
  private:
   Options options_;
-  ListenAddresses places_;
+  ListenAddresses addresses_;
   std::unique_ptr<Processes> processes_;
   OrdererWatch watch_;
 };

@@ -59,17 +59,17 @@ struct ServiceLimits {
   Limit calls, questions;
 };
 
-/// A unary call: parsed here, then `work(core, request)` on the core's thread, whose status ends the call. `place_of`
-/// says of a request when its turn is, and whose it is.
-template <typename Request, typename PlaceOf, typename Work>
+/// A unary call: parsed here, then `work(core, request)` on the core's thread, whose status ends the call.
+/// `priority_of` says of a request when its turn is, and whose it is.
+template <typename Request, typename PriorityOf, typename Work>
 grpc::ServerUnaryReactor* answer_on_core(Node& node, ServiceLimits& limits, grpc::CallbackServerContext* context,
-                                         const grpc::ByteBuffer& bytes, PlaceOf place_of, Work work) {
+                                         const grpc::ByteBuffer& bytes, PriorityOf priority_of, Work work) {
   Limit::Slot slot = limits.calls.acquire();
   if (!slot) return refuse(context, too_many(limits.calls));
   const auto request = std::make_shared<Request>();
   if (!parse(bytes, *request)) return refuse(context, unparsable(request->GetTypeName()));
-  const Node::Place place = place_of(*request);
-  if (place.turn == Turn::later) {
+  const Node::TaskPriority priority = priority_of(*request);
+  if (priority.turn == Turn::later) {
     slot = limits.questions.acquire();
     if (!slot) return refuse(context, too_many(limits.questions));
   }
@@ -78,7 +78,7 @@ grpc::ServerUnaryReactor* answer_on_core(Node& node, ServiceLimits& limits, grpc
     (void)slot;  // held until the task is done
     reactor->Finish(work(core, *request));
   };
-  if (!node.post(task, place.turn, place.requester)) reactor->Finish(overloaded());
+  if (!node.post(task, priority.turn, priority.requester)) reactor->Finish(overloaded());
   return reactor;
 }
 

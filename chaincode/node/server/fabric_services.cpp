@@ -23,7 +23,7 @@ class EndorserService final
                                             grpc::ByteBuffer* response) override {
     return answer_on_core<protos::SignedProposal>(
         node_, limits_, context, *request,
-        [this](const protos::SignedProposal& proposal) { return node_.place_of(proposal.SerializeAsString()); },
+        [this](const protos::SignedProposal& proposal) { return node_.priority_of(proposal.SerializeAsString()); },
         [response, peer = peer_](NodeCore& core, const protos::SignedProposal& proposal) {
           const Reply reply = core.process_proposal(proposal.SerializeAsString(), read_now(), peer);
           if (reply.code != Code::ok) return make_status(grpc::StatusCode::UNKNOWN, reply.message);

@@ -16,13 +16,13 @@ constexpr int max_gateway_calls = 500, max_gateway_waiting = 2500;
 /// One CommitStatus call that waits for its transaction. Once the core knows of it, it is finished on the core thread.
 class CommitWaiter final : public grpc::ServerUnaryReactor {
  public:
-  CommitWaiter(Limit::Slot place, std::function<void()> on_cancel)
-      : place_(std::move(place)), on_cancel_(std::move(on_cancel)) {}
+  CommitWaiter(Limit::Slot slot, std::function<void()> on_cancel)
+      : slot_(std::move(slot)), on_cancel_(std::move(on_cancel)) {}
   void OnCancel() override { on_cancel_(); }
   void OnDone() override { delete this; }
 
  private:
-  Limit::Slot place_;
+  Limit::Slot slot_;
   std::function<void()> on_cancel_;
 };
 
@@ -43,7 +43,8 @@ class GatewayService final : public RawGateway {
     return answer_on_core<gateway::EvaluateRequest>(
         node_, limits_, context, *request,
         [this](const gateway::EvaluateRequest& call) {
-          return Node::Place{Turn::later, node_.place_of(call.proposed_transaction().SerializeAsString()).requester};
+          return Node::TaskPriority{Turn::later,
+                                    node_.priority_of(call.proposed_transaction().SerializeAsString()).requester};
         },
         [response](NodeCore& core, const gateway::EvaluateRequest& call) {
           const Reply reply = core.evaluate(call.proposed_transaction().SerializeAsString(), read_now());
@@ -59,7 +60,7 @@ class GatewayService final : public RawGateway {
     return answer_on_core<gateway::EndorseRequest>(
         node_, limits_, context, *request,
         [this](const gateway::EndorseRequest& call) {
-          return node_.place_of(call.proposed_transaction().SerializeAsString());
+          return node_.priority_of(call.proposed_transaction().SerializeAsString());
         },
         [response](NodeCore& core, const gateway::EndorseRequest& call) {
           const Reply reply = core.endorse(call.proposed_transaction().SerializeAsString(), read_now());
@@ -78,7 +79,7 @@ class GatewayService final : public RawGateway {
     return answer_on_core<gateway::SubmitRequest>(
         node_, limits_, context, *request,
         [this](const gateway::SubmitRequest& call) {
-          return Node::Place{Turn::first, node_.sender_of(call.prepared_transaction())};
+          return Node::TaskPriority{Turn::first, node_.sender_of(call.prepared_transaction())};
         },
         [](NodeCore& core, const gateway::SubmitRequest& call) {
           const Reply reply = core.order(call.prepared_transaction().SerializeAsString(), read_now());
@@ -97,8 +98,8 @@ class GatewayService final : public RawGateway {
 
   grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes,
                                          grpc::ByteBuffer* response) override {
-    Limit::Slot place = waiting_limit_.acquire();
-    if (!place) return refuse(context, too_many(waiting_limit_));
+    Limit::Slot slot = waiting_limit_.acquire();
+    if (!slot) return refuse(context, too_many(waiting_limit_));
     gateway::SignedCommitStatusRequest signed_request;
     if (!parse(*bytes, signed_request)) return refuse(context, unparsable(signed_request.GetTypeName()));
     gateway::CommitStatusRequest request;
@@ -106,7 +107,7 @@ class GatewayService final : public RawGateway {
       return refuse(context, {grpc::StatusCode::INVALID_ARGUMENT, "the status request does not parse"});
     const std::uint64_t id = next_waiter_++;
     const Requester requester = node_.requester_of(request.identity());
-    auto* reactor = new CommitWaiter(std::move(place), [this, id, requester] {
+    auto* reactor = new CommitWaiter(std::move(slot), [this, id, requester] {
       node_.post_always([this, id](NodeCore& core) { cancel(core, id); }, requester);
     });
     const auto begin_waiting = [this, id, reactor, request, signed_request, response](NodeCore& core) {

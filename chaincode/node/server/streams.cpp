@@ -14,7 +14,7 @@ namespace {
 constexpr TimeNs time_window_ns = 900 * ns_per_s;
 constexpr std::uint64_t no_end = std::numeric_limits<std::uint64_t>::max() - 1;
 
-std::uint64_t place(const orderer::SeekPosition& position, std::uint64_t height, std::uint64_t otherwise) {
+std::uint64_t block_at(const orderer::SeekPosition& position, std::uint64_t height, std::uint64_t otherwise) {
   switch (position.Type_case()) {
     case orderer::SeekPosition::kNewest:
       return height - 1;
@@ -33,14 +33,14 @@ std::uint64_t place(const orderer::SeekPosition& position, std::uint64_t height,
 }  // namespace
 
 std::uint64_t read_start(const orderer::SeekPosition& position, std::uint64_t height) {
-  return place(position, height, height);
+  return block_at(position, height, height);
 }
 
 Result<SeekRange> read_range(const orderer::SeekInfo& seek, std::uint64_t height) {
   if (!seek.has_start() || !seek.has_stop()) return Error{"a seek needs start and stop"};
   SeekRange range;
-  range.start = place(seek.start(), height, height);
-  range.stop = place(seek.stop(), height, no_end);
+  range.start = block_at(seek.start(), height, height);
+  range.stop = block_at(seek.stop(), height, no_end);
   range.fail_if_not_ready = seek.behavior() == orderer::SeekInfo::FAIL_IF_NOT_READY;
   if (range.start > range.stop) return Error{"the seek's start is behind its stop"};
   return range;
@@ -196,8 +196,8 @@ void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& r
     return finish(
         {grpc::StatusCode::PERMISSION_DENIED, "channel " + printable(request.channel_id(), max_name) + " not found"});
   }
-  const auto place = request.start_position().Type_case();
-  if (place == orderer::SeekPosition::kOldest || place == orderer::SeekPosition::kNewest) {
+  const auto start = request.start_position().Type_case();
+  if (start == orderer::SeekPosition::kOldest || start == orderer::SeekPosition::kNewest) {
     return finish({grpc::StatusCode::INVALID_ARGUMENT, "invalid start position: give a block's number, or none"});
   }
   const std::lock_guard lock(mutex_);

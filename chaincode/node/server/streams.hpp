@@ -36,7 +36,7 @@ class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, publ
 
  protected:
   /// It has its place at once. The limit outlives the stream.
-  explicit ServedStream(Limit& limit) : limit_(limit), place_(limit.acquire()) {}
+  explicit ServedStream(Limit& limit) : limit_(limit), slot_(limit.acquire()) {}
   /// It has a place once its member is known. Both outlive the stream.
   ServedStream(Limit& limit, UnauthenticatedStreams& unauthenticated)
       : limit_(limit), unauthenticated_(&unauthenticated) {}
@@ -48,23 +48,23 @@ class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, publ
       stream->unauthenticated_->add(stream);
       return true;
     }
-    if (!stream->place_) stream->finish(too_many(stream->limit_));
-    return stream->place_ != nullptr;
+    if (!stream->slot_) stream->finish(too_many(stream->limit_));
+    return stream->slot_ != nullptr;
   }
 
   /// Something came, which the core looks at next: nobody displaces it meanwhile.
   void on_received() {
-    if (!place_) unauthenticated_->remove(this);
+    if (!slot_) unauthenticated_->remove(this);
   }
   /// On the core thread. A member has signed what came: from now on it has a member's place. False as in admit().
   bool set_authenticated() {
-    if (!place_) place_ = limit_.acquire();
-    if (!place_) finish(too_many(limit_));
-    return place_ != nullptr;
+    if (!slot_) slot_ = limit_.acquire();
+    if (!slot_) finish(too_many(limit_));
+    return slot_ != nullptr;
   }
   /// It was not, or nobody looks at it: what comes next may be.
   void set_unauthenticated() {
-    if (!place_) unauthenticated_->add(this->shared_from_this());
+    if (!slot_) unauthenticated_->add(this->shared_from_this());
   }
 
   void finish(const grpc::Status& status) {
@@ -84,7 +84,7 @@ class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, publ
  private:
   Limit& limit_;
   UnauthenticatedStreams* unauthenticated_ = nullptr;
-  Limit::Slot place_;
+  Limit::Slot slot_;
   std::shared_ptr<Self> self_;
 };
 

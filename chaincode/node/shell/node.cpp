@@ -167,7 +167,7 @@ Requester Node::requester_of(const std::string& serialized) const {
   return {identity.mspid(), serialized};
 }
 
-Node::Place Node::place_of(std::string_view signed_proposal) const {
+Node::TaskPriority Node::priority_of(std::string_view signed_proposal) const {
   const auto read = read_signed_proposal(signed_proposal);
   if (!read) return {};
   const ProposalParts& proposal = read->proposal;

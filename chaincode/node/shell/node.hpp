@@ -62,11 +62,11 @@ class Node {
   /// each open call at most. It comes behind what the requester has posted before.
   void post_always(Task task, const Requester& requester = {});
   /// When an unchecked proposal is processed, and who requests it: a query, and one that cannot be read, comes later.
-  struct Place {
+  struct TaskPriority {
     Turn turn = Turn::later;
     Requester requester;
   };
-  Place place_of(std::string_view signed_proposal) const;
+  TaskPriority priority_of(std::string_view signed_proposal) const;
   /// `serialized`: msp.SerializedIdentity.
   Requester requester_of(const std::string& serialized) const;
   /// Of whom an envelope says that it is.

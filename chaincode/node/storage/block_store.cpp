@@ -87,7 +87,7 @@ Status BlockStore::load(const OnBlock& on_block, const OnMessage& on_message) {
     if (!content) return content.error();
     if (!*content) break;
     if (Status status = on_block(**content); !status) return Error{name_ + ": " + status.error().message};
-    places_.push_back({end_ + header_size, (*content)->size()});
+    extents_.push_back({end_ + header_size, (*content)->size()});
     end_ += header_size + (*content)->size();
   }
   if (end_ > *size) return done;  // just begun
@@ -97,10 +97,10 @@ Status BlockStore::load(const OnBlock& on_block, const OnMessage& on_message) {
   const auto behind = record_behind(end_ + 1, *size);
   if (!behind) return behind.error();
   if (*behind) {
-    return Error{name_ + " is damaged at byte " + std::to_string(end_) + " (block " + std::to_string(places_.size()) +
+    return Error{name_ + " is damaged at byte " + std::to_string(end_) + " (block " + std::to_string(extents_.size()) +
                  "), with good blocks behind it: this was no crash. Restore the file from a copy"};
   }
-  on_message(name_ + ": block " + std::to_string(places_.size()) + " was not finished when the node last stopped; " +
+  on_message(name_ + ": block " + std::to_string(extents_.size()) + " was not finished when the node last stopped; " +
              std::to_string(*size - end_) + " bytes cut off");
   if (Status status = file_->truncate(end_); !status) return status;
   return file_->sync();
@@ -164,24 +164,24 @@ Status BlockStore::append(std::string_view block) {
   if (Status status = file_->sync(); !status) return status;
   broken_ = false;
   const std::lock_guard lock(mutex_);
-  places_.push_back({end_ + header_size, block.size()});
+  extents_.push_back({end_ + header_size, block.size()});
   end_ += record.size();
   return done;
 }
 
 Result<std::string> BlockStore::read(std::uint64_t number) const {
-  Place place{};
+  Extent extent{};
   {
     const std::lock_guard lock(mutex_);
-    if (number >= places_.size()) return Error{"there is no block " + std::to_string(number)};
-    place = places_[number];
+    if (number >= extents_.size()) return Error{"there is no block " + std::to_string(number)};
+    extent = extents_[number];
   }
-  return file_->read(place.offset, place.size);
+  return file_->read(extent.offset, extent.size);
 }
 
 std::uint64_t BlockStore::height() const {
   const std::lock_guard lock(mutex_);
-  return places_.size();
+  return extents_.size();
 }
 
 }  // namespace ledgerline::node

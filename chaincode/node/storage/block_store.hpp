@@ -36,7 +36,7 @@ class BlockStore {
   std::uint64_t height() const;
 
  private:
-  struct Place {
+  struct Extent {
     std::uint64_t offset;
     std::size_t size;
   };
@@ -50,8 +50,8 @@ class BlockStore {
   std::string salt_;
   std::uint64_t end_ = 0;
   bool broken_ = false, full_ = false;
-  mutable std::mutex mutex_;  // guards places_
-  std::vector<Place> places_;
+  mutable std::mutex mutex_;  // guards extents_
+  std::vector<Extent> extents_;
 };
 
 }  // namespace ledgerline::node

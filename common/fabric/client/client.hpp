@@ -99,7 +99,7 @@ struct ClientConfig {
   ChannelAndContract where;
   ContractRules contract_rules;
   crypto::SigningIdentity identity;
-  crypto::IdentityPlace identity_place{};    ///< that it was loaded from, for who renews it
+  crypto::IdentitySource identity_source{};  ///< that it was loaded from, for who renews it
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
   bool timeouts_of_channel = false;          ///< limits of time grow by what the channel's blocks take (config.hpp)
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end

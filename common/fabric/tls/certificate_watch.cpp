@@ -74,7 +74,7 @@ void CertificateWatch::log(Weight weight, const std::string& words) {
 }
 
 CertificateWatch::CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> trusted)
-    : place_(ledger.identity_place),
+    : source_(ledger.identity_source),
       identity_(ledger.identity.in_use),
       trusted_(std::move(trusted)),
       in_use_(std::make_shared<TlsPairsInUse>()),
@@ -139,12 +139,12 @@ std::optional<Renewal::Pair> CertificateWatch::renewed(Renewal& renewal, const s
 }
 
 void CertificateWatch::poll_identity(std::int64_t now_s) {
-  const auto files = place_.files_now();
+  const auto files = source_.files_now();
   const std::vector<std::string> names =
       files ? std::vector{files->certificate, files->private_key} : std::vector<std::string>();
   std::optional<crypto::SigningIdentity> next;
   const auto load = [&]() -> Result<Renewal::Pair> {
-    auto found = files ? crypto::load_identity(place_.library, place_.msp_id, *files)
+    auto found = files ? crypto::load_identity(source_.library, source_.msp_id, *files)
                        : Result<crypto::SigningIdentity>(files.error());
     auto pair = checked(found, now_s);
     if (found) next = std::move(*found);

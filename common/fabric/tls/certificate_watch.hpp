@@ -68,7 +68,7 @@ class CertificateWatch {
   void report_end(crypto::Renewal& renewal, std::int64_t now_s);
   Result<crypto::Renewal::Pair> checked(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const;
 
-  const crypto::IdentityPlace place_;
+  const crypto::IdentitySource source_;
   const std::shared_ptr<crypto::IdentityInUse> identity_;
   std::unique_ptr<crypto::MspRegistry> trusted_;
   const std::shared_ptr<TlsPairsInUse> in_use_;

@@ -50,7 +50,7 @@ Guard::Guard(std::string token, std::vector<std::string> hosts, bool tls)
 
 bool Guard::is_own(std::string_view host) const { return std::ranges::find(hosts_, host) != hosts_.end(); }
 
-ApiAnswer Guard::check_place(const Head& head) const {
+ApiAnswer Guard::check_origin(const Head& head) const {
   if (!is_own(head.host)) return refusal(403, fmt::format("Host must be one of {}", fmt::join(hosts_, ", ")));
   const bool from_here = head.origin.empty() || (head.origin.substr(0, scheme_.size()) == scheme_ &&
                                                  head.origin.substr(scheme_.size()) == head.host);
@@ -59,7 +59,7 @@ ApiAnswer Guard::check_place(const Head& head) const {
 }
 
 Guard::Admission Guard::check(const Head& head, const FindSession& find) const {
-  if (ApiAnswer place = check_place(head); place.status != 0) return {place};
+  if (ApiAnswer refused = check_origin(head); refused.status != 0) return {refused};
   for (const std::string_view token : tokens_of(head)) {
     if (same_secret(token, token_)) return {{.status = 0, .body = {}}};
     if (token.size() != token_digits) continue;

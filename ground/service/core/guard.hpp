@@ -31,7 +31,7 @@ class Guard {
   Guard(std::string token, std::vector<std::string> hosts, bool tls);
 
   /// For the page's own files, which need no token: status 0, they may go out.
-  ApiAnswer check_place(const Head& head) const;
+  ApiAnswer check_origin(const Head& head) const;
   /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to. `session_ended`: it is
   /// refused, but may still bring drones down (ApiRequest::session_ended).
   struct Admission {

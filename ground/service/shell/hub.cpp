@@ -7,10 +7,10 @@
 
 namespace ledgerline::ground::service {
 
-Connections::ReservedPlace Connections::reserve(const Places::Owner& owner, Places::Use use) {
-  if (!places_.acquire(owner, use)) return nullptr;
-  return {new Places::Owner(owner), [this](const Places::Owner* kept) {
-            places_.release(*kept);
+Connections::Reservation Connections::reserve(const ConnectionQuota::Owner& owner, ConnectionQuota::Use use) {
+  if (!quota_.acquire(owner, use)) return nullptr;
+  return {new ConnectionQuota::Owner(owner), [this](const ConnectionQuota::Owner* kept) {
+            quota_.release(*kept);
             delete kept;
           }};
 }

@@ -17,8 +17,8 @@
 #include "common/rt/clock.hpp"
 #include "common/web/wire.hpp"
 #include "ground/service/core/api.hpp"
+#include "ground/service/core/connection_quota.hpp"
 #include "ground/service/core/guard.hpp"
-#include "ground/service/core/places.hpp"
 #include "ground/service/shell/server.hpp"
 
 namespace ledgerline::ground::service {
@@ -28,17 +28,17 @@ namespace ledgerline::ground::service {
 class Connections {
  public:
   /// Counts a connection while it lives.
-  using Place = std::shared_ptr<void>;
-  Place count_one() {
+  using Count = std::shared_ptr<void>;
+  Count count_one() {
     ++count_;
     return {this, [](Connections* connections) { --connections->count_; }};
   }
   /// Any thread.
   std::size_t count() const { return count_; }
 
-  /// A place that its owner keeps for as long as this lives (Places); null: there is none left for him.
-  using ReservedPlace = std::shared_ptr<const Places::Owner>;
-  ReservedPlace reserve(const Places::Owner& owner, Places::Use use);
+  /// A slot that its owner keeps for as long as this lives (ConnectionQuota); null: there is none left for him.
+  using Reservation = std::shared_ptr<const ConnectionQuota::Owner>;
+  Reservation reserve(const ConnectionQuota::Owner& owner, ConnectionQuota::Use use);
 
   /// A connection that keeps no place: it has not shown the token, or there was none left.
   class Unauthenticated {
@@ -53,7 +53,7 @@ class Connections {
   void make_room();
 
  private:
-  Places places_;
+  ConnectionQuota quota_;
   std::deque<std::weak_ptr<Unauthenticated>> unauthenticated_;  ///< oldest first
   std::mt19937_64 random_{std::random_device{}()};              ///< of who is displaced
   std::atomic<std::size_t> count_{0};
@@ -208,14 +208,14 @@ class Answers {
 void serve_http(web::Wire wire, Hub& hub, Answers& answers, const Guard& guard);
 
 /// What a connection holds while its stream lasts.
-struct StreamPlaces {
-  Connections::Place counted;
-  Connections::ReservedPlace kept;
+struct StreamSlots {
+  Connections::Count counted;
+  Connections::Reservation kept;
 };
 
 /// Serves the stream behind that request for it, until it ends. `session`: of the operator who opened it. Hub outlives
 /// it.
-void serve_stream(web::Wire wire, Hub& hub, StreamPlaces places, std::optional<SignIns::Session> session,
+void serve_stream(web::Wire wire, Hub& hub, StreamSlots slots, std::optional<SignIns::Session> session,
                   const boost::beast::http::request<boost::beast::http::string_body>& request);
 
 }  // namespace ledgerline::ground::service

@@ -41,9 +41,9 @@ class BeastServer final : public Server {
   }
 
   Status listen(const ServiceSettings& settings, const std::string& token) {
-    const web::HostPort place = *web::host_port_from(settings.listen);
+    const web::HostPort listen = *web::host_port_from(settings.listen);
     boost::system::error_code error;
-    const tcp::endpoint at(asio::ip::make_address(place.host), place.port);
+    const tcp::endpoint at(asio::ip::make_address(listen.host), listen.port);
     acceptor_.open(at.protocol(), error);
     if (!error) acceptor_.set_option(asio::socket_base::reuse_address(true), error);
     // "::" takes IPv4's clients, too, however the host is set.

@@ -27,7 +27,7 @@ using Request = http::request<http::string_body>;
 using Response = http::response<http::string_body>;
 
 constexpr std::chrono::seconds timeout{10};     // of a handshake, a head, a body, an answer: each as a whole
-constexpr std::chrono::seconds keep_alive{60};  // who keeps a place is waited for: his next request may be a stop
+constexpr std::chrono::seconds keep_alive{60};  // who keeps a slot is waited for: his next request may be a stop
 constexpr std::chrono::seconds end_timeout{1};  // of the other side's last word in TLS
 // A month, and only for names: it holds for every port of the host, and localhost has other services.
 constexpr const char* https_only = "max-age=2592000";
@@ -108,7 +108,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
         hub_(hub),
         answers_(answers),
         guard_(guard),
-        place_(hub.connections().count_one()),
+        counted_(hub.connections().count_one()),
         budget_(requests_per_s) {
     beast::error_code gone;
     const auto other = wire_.tcp().socket().remote_endpoint(gone);
@@ -188,11 +188,11 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     const std::string_view target = view(request.target());
     const Head head = head_of(request);
     if (target.substr(0, 5) != "/api/") {
-      const ApiAnswer place = guard_.check_place(head);
-      return place.status != 0 ? respond(request, place) : page(request);
+      const ApiAnswer refused = guard_.check_origin(head);
+      return refused.status != 0 ? respond(request, refused) : page(request);
     }
     Guard::Admission admission = admission_of(head);
-    keep_place(admission, Places::Use::request);
+    reserve_slot(admission, ConnectionQuota::Use::request);
     if (admission.refused.status != 0 && !admission.session_ended) return respond(request, admission.refused);
     const TimeNs now = monotonic_ns();
     ApiRequest asked{.method = view(request.method_string()),
@@ -292,16 +292,16 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
       return write(respond(request, refusal(404, "the stream is /api/v1/stream")));
     const Guard::Admission admission = admission_of(head_of(request));
     if (admission.refused.status != 0) return write(respond(request, admission.refused));
-    if (!keep_place(admission, Places::Use::stream))
+    if (!reserve_slot(admission, ConnectionQuota::Use::stream))
       return write(respond(request, refusal(503, "there are too many connections from here: close one")));
     wire_.tcp().expires_never();
-    serve_stream(std::move(wire_), hub_, {std::move(place_), kept_}, admission.session, request);
+    serve_stream(std::move(wire_), hub_, {std::move(counted_), kept_}, admission.session, request);
   }
 
   /// Whether this connection may last beyond its answer; a request is answered without that.
-  bool keep_place(const Guard::Admission& admission, Places::Use use) {
+  bool reserve_slot(const Guard::Admission& admission, ConnectionQuota::Use use) {
     const bool known = admission.refused.status == 0;
-    Places::Owner owner{address_, {}};
+    ConnectionQuota::Owner owner{address_, {}};
     if (admission.session) owner.who = admission.session->who;
     if (known && kept_ && *kept_ == owner) return true;
     kept_.reset();
@@ -311,7 +311,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
   }
 
   void write(Response response) {
-    // Who has no place asks once a connection.
+    // Who has no slot asks once a connection.
     response.keep_alive(kept_ && response.keep_alive());
     const std::string_view host = view(parser_->get()[http::field::host]);
     if (wire_.tls() && host.substr(0, host.find(':')) != "localhost")
@@ -337,13 +337,13 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
   Hub& hub_;
   Answers& answers_;
   const Guard& guard_;
-  Connections::Place place_;
+  Connections::Count counted_;
   Budget budget_;
   beast::flat_buffer buffer_{max_head_bytes + max_body_bytes};
   std::optional<http::request_parser<http::string_body>> parser_;
   std::string address_;  ///< of the other side
   bool has_ended_handshake_ = false;
-  Connections::ReservedPlace kept_;  ///< of whom its newest request has shown
+  Connections::Reservation kept_;  ///< of whom its newest request has shown
 };
 
 }  // namespace

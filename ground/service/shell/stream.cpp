@@ -25,8 +25,8 @@ constexpr std::size_t max_answers = 16;  // to who asks without reading; the new
 /// The stream to one client. One write at a time: behind it the events it lacks, then the newest state.
 class Stream final : public Hub::Listener, public std::enable_shared_from_this<Stream> {
  public:
-  Stream(web::Wire&& socket, Hub& hub, StreamPlaces places, std::optional<SignIns::Session> session)
-      : socket_(std::move(socket)), hub_(hub), places_(std::move(places)), session_(session), budget_(messages_per_s) {}
+  Stream(web::Wire&& socket, Hub& hub, StreamSlots slots, std::optional<SignIns::Session> session)
+      : socket_(std::move(socket)), hub_(hub), slots_(std::move(slots)), session_(session), budget_(messages_per_s) {}
 
   void start(const Request& request) {
     socket_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
@@ -157,7 +157,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
 
   websocket::stream<web::Wire, false> socket_;
   Hub& hub_;
-  const StreamPlaces places_;
+  const StreamSlots slots_;
   const std::optional<SignIns::Session> session_;
   Budget budget_;
   beast::flat_buffer buffer_;
@@ -171,9 +171,9 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
 
 }  // namespace
 
-void serve_stream(web::Wire wire, Hub& hub, StreamPlaces places, std::optional<SignIns::Session> session,
+void serve_stream(web::Wire wire, Hub& hub, StreamSlots slots, std::optional<SignIns::Session> session,
                   const Request& request) {
-  std::make_shared<Stream>(std::move(wire), hub, std::move(places), session)->start(request);
+  std::make_shared<Stream>(std::move(wire), hub, std::move(slots), session)->start(request);
 }
 
 }  // namespace ledgerline::ground::service

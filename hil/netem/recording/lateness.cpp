@@ -12,7 +12,7 @@ namespace {
 
 constexpr double nominal_s = to_seconds(state_period_ns);
 constexpr double period_may_differ = 0.05;
-/// Share of a period by which a text may come before its place and still have it: noise of a schedule that was fitted
+/// Share of a period by which a text may come before its slot and still have it: noise of a schedule that was fitted
 /// to less. Half of it, and longer stretches fall apart; twice as much, and texts that are a little late are taken for
 /// early ones.
 constexpr double early_share = 0.25;
@@ -23,21 +23,21 @@ constexpr std::size_t first_stretch = 20;
 /// State k is said at first_s + k period_s.
 struct Schedule {
   double period_s = nominal_s, first_s = 0;
-  double at(std::int64_t place) const { return first_s + static_cast<double>(place) * period_s; }
+  double at(std::int64_t slot) const { return first_s + static_cast<double>(slot) * period_s; }
 };
 
 using Arrivals = std::span<const double>;
 
-/// For each arrival the newest place that it can have, in their order.
-std::vector<std::int64_t> places_of(Arrivals arrivals, const Schedule& schedule) {
-  std::vector<std::int64_t> places(arrivals.size());
+/// For each arrival the newest slot that it can have, in their order.
+std::vector<std::int64_t> slots_of(Arrivals arrivals, const Schedule& schedule) {
+  std::vector<std::int64_t> slots(arrivals.size());
   std::int64_t free = std::numeric_limits<std::int64_t>::max();
   for (std::size_t i = arrivals.size(); i-- > 0;) {
-    const double place = std::floor((arrivals[i] - schedule.first_s) / schedule.period_s + early_share);
-    places[i] = std::min(static_cast<std::int64_t>(place), free);
-    free = places[i] - 1;
+    const double slot = std::floor((arrivals[i] - schedule.first_s) / schedule.period_s + early_share);
+    slots[i] = std::min(static_cast<std::int64_t>(slot), free);
+    free = slots[i] - 1;
   }
-  return places;
+  return slots;
 }
 
 /// That which leaves the least lateness of those that begin with one of the arrivals.
@@ -46,9 +46,9 @@ Schedule sought(Arrivals arrivals) {
   double least = std::numeric_limits<double>::max();
   for (const double first : arrivals) {
     const Schedule tried{nominal_s, first};
-    const auto places = places_of(arrivals, tried);
+    const auto slots = slots_of(arrivals, tried);
     double all = 0;
-    for (std::size_t i = 0; i < arrivals.size(); ++i) all += std::abs(arrivals[i] - tried.at(places[i]));
+    for (std::size_t i = 0; i < arrivals.size(); ++i) all += std::abs(arrivals[i] - tried.at(slots[i]));
     if (all < least) {
       least = all;
       best = tried;
@@ -57,11 +57,11 @@ Schedule sought(Arrivals arrivals) {
   return best;
 }
 
-/// The line below all points that is nearest to them: the edge of their lower hull over the middle of the places.
-Schedule fitted(Arrivals arrivals, std::span<const std::int64_t> places) {
+/// The line below all points that is nearest to them: the edge of their lower hull over the middle of the slots.
+Schedule fitted(Arrivals arrivals, std::span<const std::int64_t> slots) {
   std::vector<std::size_t> hull;
-  const auto x = [&](std::size_t i) { return static_cast<double>(places[i]); };
-  for (std::size_t i = 0; i < places.size(); ++i) {
+  const auto x = [&](std::size_t i) { return static_cast<double>(slots[i]); };
+  for (std::size_t i = 0; i < slots.size(); ++i) {
     while (hull.size() >= 2) {
       const std::size_t a = hull[hull.size() - 2], b = hull.back();
       const double turn = (x(b) - x(a)) * (arrivals[i] - arrivals[a]) - (arrivals[b] - arrivals[a]) * (x(i) - x(a));
@@ -70,9 +70,9 @@ Schedule fitted(Arrivals arrivals, std::span<const std::int64_t> places) {
     }
     hull.push_back(i);
   }
-  const double middle = std::accumulate(places.begin(), places.end(), 0.0,
+  const double middle = std::accumulate(slots.begin(), slots.end(), 0.0,
                                         [](double sum, std::int64_t p) { return sum + static_cast<double>(p); }) /
-                        static_cast<double>(places.size());
+                        static_cast<double>(slots.size());
   std::size_t right = 1;
   while (right + 1 < hull.size() && x(hull[right]) < middle) ++right;
   const std::size_t a = hull[right - 1], b = hull[right];
@@ -80,26 +80,26 @@ Schedule fitted(Arrivals arrivals, std::span<const std::int64_t> places) {
   return {period, arrivals[a] - x(a) * period};
 }
 
-/// The schedule of a stretch without a long pause, and each text's place in it.
+/// The schedule of a stretch without a long pause, and each text's slot in it.
 Result<std::pair<Schedule, std::vector<std::int64_t>>> schedule_of(Arrivals arrivals) {
   std::size_t looked_at = std::min(arrivals.size(), first_stretch);
   Schedule schedule = sought(arrivals.first(looked_at));
-  std::vector<std::int64_t> places = places_of(arrivals.first(looked_at), schedule);
+  std::vector<std::int64_t> slots = slots_of(arrivals.first(looked_at), schedule);
   constexpr std::size_t enough_for_a_line = 3;
   while (arrivals.size() >= enough_for_a_line) {
-    schedule = fitted(arrivals.first(looked_at), places);
+    schedule = fitted(arrivals.first(looked_at), slots);
     if (std::abs(schedule.period_s / nominal_s - 1) > period_may_differ)
       return Error{fmt::format("states come every {:.1f} ms; a Tello's come every {:.0f} ms", schedule.period_s * 1e3,
                                nominal_s * 1e3)};
     const std::size_t before = looked_at;
     looked_at = std::min(arrivals.size(), looked_at + looked_at / 4);  // by little: what the line's error grows to
-    places = places_of(arrivals.first(looked_at), schedule);
+    slots = slots_of(arrivals.first(looked_at), schedule);
     if (before == looked_at) break;
   }
-  return std::pair(schedule, std::move(places));
+  return std::pair(schedule, std::move(slots));
 }
 
-/// A text stands for half a period before and behind its place: losses begin and end between two places, so that they
+/// A text stands for half a period before and behind its place: losses begin and end between two slots, so that they
 /// stay as many where the recording is played by somebody whose own clock is a little ahead.
 void add(RecordedDelay moment, std::vector<RecordedDelay>& moments) {
   const RecordedDelay before{moment.at_ns - state_period_ns / 2, moment.delay_ns, moment.lost};
@@ -110,22 +110,22 @@ void add(RecordedDelay moment, std::vector<RecordedDelay>& moments) {
 }
 
 /// Adds a stretch; the first one sets `recording_begins_s`, from which moments count. An error where more texts come
-/// than the stretch's schedule has places for.
+/// than the stretch's schedule has slots for.
 Status add_stretch(Arrivals arrivals, double& recording_begins_s, MeasuredLink& recording, std::size_t& max_arrivals) {
   const auto made = schedule_of(arrivals);
   if (!made) return made.error();
-  const auto& [schedule, places] = *made;
-  if (recording.moments.empty()) recording_begins_s = schedule.at(places.front());
+  const auto& [schedule, slots] = *made;
+  if (recording.moments.empty()) recording_begins_s = schedule.at(slots.front());
   if (arrivals.size() > max_arrivals) {
     max_arrivals = arrivals.size();
     recording.period_s = schedule.period_s;
   }
   const auto since_begin = [&, begins_s = recording_begins_s](double s) { return std::llround((s - begins_s) * 1e9); };
   std::size_t i = 0;
-  for (std::int64_t place = places.front(); place <= places.back(); ++place) {
-    RecordedDelay moment{since_begin(schedule.at(place)), 0, places[i] != place};
+  for (std::int64_t slot = slots.front(); slot <= slots.back(); ++slot) {
+    RecordedDelay moment{since_begin(schedule.at(slot)), 0, slots[i] != slot};
     if (!moment.lost) {
-      const double late_s = std::max(0.0, arrivals[i] - schedule.at(place));
+      const double late_s = std::max(0.0, arrivals[i] - schedule.at(slot));
       if (late_s > to_seconds(states_end_after_ns) + nominal_s)
         return Error{"more states come than one every 100 ms: is the capture of several ways, or doubled?"};
       moment.delay_ns = std::llround(late_s * 1e9);

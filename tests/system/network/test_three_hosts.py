@@ -73,7 +73,7 @@ def test_a_transaction_through_each_host_is_read_at_the_others(tmp_path):
 
 def test_identities_without_places_are_refused(tmp_path):
     done = fabric("identities", "--dir", tmp_path / "net", "--tools", FABRIC)
-    assert done.returncode == 2 and "give all places" in done.stderr
+    assert done.returncode == 2 and "give all addresses" in done.stderr
     assert not (tmp_path / "net").exists()
 
 

@@ -55,7 +55,7 @@ Result<Record> fly_calibration(const CalibrationOptions& options) {
   if (!socket) return socket.error();
   auto states = link::open_udp(options.interface);
   if (!states) return states.error();
-  if (!link::listen_alone(*states, place(INADDR_ANY, state_port)))
+  if (!link::listen_alone(*states, socket_address(INADDR_ANY, state_port)))
     return Error{"another program listens to state text on port 8890 here: end it, for the flight needs it"};
   PoseRing ring;
   std::optional<dds::RawReader> reader;  // ends before the ring that it fills

@@ -70,7 +70,7 @@ Result<std::vector<Poses>> subscribe(const launcher::Options& flight) {
 
 /// Drones behind one interface, which have addresses of their own there.
 struct Side {
-  std::vector<std::size_t> places;  ///< in the inputs
+  std::vector<std::size_t> indices;  ///< in the inputs
   std::vector<Found> asked;
   link::Descriptor states;
 };
@@ -78,8 +78,8 @@ struct Side {
 Status query_all(std::map<std::string, Side>& sides, checks::FlightInputs& inputs) {
   for (auto& [interface, side] : sides) {
     if (auto status = query(side.asked, interface); !status) return status;
-    for (std::size_t i = 0; i < side.places.size(); ++i) {
-      checks::DroneInputs& drone = inputs.drones[side.places[i]];
+    for (std::size_t i = 0; i < side.indices.size(); ++i) {
+      checks::DroneInputs& drone = inputs.drones[side.indices[i]];
       const Dialogue& dialogue = side.asked[i].dialogue;
       drone.there = dialogue.present();
       drone.serial = dialogue.answer("sn?");
@@ -109,8 +109,8 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
     wait({});
     for (auto& [interface, side] : sides) {
       read_all(side.states.get(), [&side = side, &reception](std::uint32_t from, std::string_view bytes) {
-        for (std::size_t i = 0; i < side.places.size(); ++i)
-          if (side.asked[i].address == from) reception[side.places[i]].on_state(monotonic_ns(), bytes);
+        for (std::size_t i = 0; i < side.indices.size(); ++i)
+          if (side.asked[i].address == from) reception[side.indices[i]].on_state(monotonic_ns(), bytes);
       });
     }
     for (std::size_t i = 0; i < poses.size(); ++i)
@@ -191,14 +191,14 @@ Result<checks::FlightInputs> probe_flight(const PreflightOptions& options) {
     const auto address = parse_ipv4(inputs.drones[i].address);
     if (!address) return address.error();
     Side& side = sides[inputs.drones[i].interface];
-    side.places.push_back(i);
+    side.indices.push_back(i);
     side.asked.push_back({*address, Dialogue({"sn?", "battery?"})});
   }
   for (auto& [interface, side] : sides) {
     auto states = link::open_udp(interface);
     if (!states) return states.error();
     side.states = std::move(*states);
-    if (!link::listen_alone(side.states, place(INADDR_ANY, state_port)))
+    if (!link::listen_alone(side.states, socket_address(INADDR_ANY, state_port)))
       return Error{
           "another program listens to state text on port 8890 here: is it ledgerline-link? Not while it flies"};
   }

@@ -45,7 +45,7 @@ Result<bool> land(std::uint32_t address, const std::string& interface, double se
   auto states = link::open_udp(interface);
   if (!states) return states.error();
   // Where another client listens already the answers alone must do.
-  if (!link::listen_alone(*states, place(INADDR_ANY, state_port)))
+  if (!link::listen_alone(*states, socket_address(INADDR_ANY, state_port)))
     spdlog::info("another program listens to state text here: the drone's answers alone show when it is down");
   Landing landing;
   bool sent = true;
@@ -85,7 +85,7 @@ Result<std::string> read_password(const std::string& file) {
   return password;
 }
 
-sockaddr_in place(std::uint32_t address, std::uint16_t port) {
+sockaddr_in socket_address(std::uint32_t address, std::uint16_t port) {
   sockaddr_in out{};
   out.sin_family = AF_INET;
   out.sin_addr.s_addr = htonl(address);
@@ -102,7 +102,7 @@ void wait(std::initializer_list<int> sockets) {
 }
 
 bool send_text(const link::Descriptor& socket, std::uint32_t address, const std::string& text) {
-  const sockaddr_in to = place(address, command_port);
+  const sockaddr_in to = socket_address(address, command_port);
   return ::sendto(socket.get(), text.data(), text.size(), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&to),
                   sizeof to) >= 0;
 }

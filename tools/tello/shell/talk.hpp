@@ -21,7 +21,7 @@ inline constexpr TimeNs pace_ns = 4 * ns_per_ms;  // between two datagrams: a su
 inline constexpr std::size_t max_reads = 64;      // of one turn, so that a flood ends no timeout
 inline constexpr std::size_t max_bytes = 1024;    // what Tello clients receive with
 
-sockaddr_in place(std::uint32_t address, std::uint16_t port);
+sockaddr_in socket_address(std::uint32_t address, std::uint16_t port);
 
 /// pace_ns, or until something comes or a signal asks to end. Two sockets at most.
 void wait(std::initializer_list<int> sockets);

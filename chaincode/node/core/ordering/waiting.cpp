@@ -22,9 +22,9 @@ void FairLane::add(Entry entry) {
   // Who had nothing waiting is not paid for the time in which it sent nothing.
   if (organisation.waiting.empty()) organisation.tag = std::max(organisation.tag, clock_);
   double& tag = organisation.tags[entry.sender];
-  const Place place{std::max(tag, organisation.clock), entry.turn};
-  tag = place.tag + static_cast<double>(entry.envelope.size());
-  organisation.waiting.emplace(place, std::move(entry));
+  const QueueKey key{std::max(tag, organisation.clock), entry.turn};
+  tag = key.tag + static_cast<double>(entry.envelope.size());
+  organisation.waiting.emplace(key, std::move(entry));
   ++count_;
 }
 
@@ -33,7 +33,7 @@ FairLane::Organisations::const_iterator FairLane::next() const {
   for (auto one = organisations_.begin(); one != organisations_.end(); ++one) {
     const Organisation& organisation = one->second;
     if (organisation.waiting.empty()) continue;
-    const auto rank = [](const Organisation& of) { return Place{of.tag, of.waiting.begin()->first.turn}; };
+    const auto rank = [](const Organisation& of) { return QueueKey{of.tag, of.waiting.begin()->first.turn}; };
     if (best == organisations_.end() || rank(organisation) < rank(best->second)) best = one;
   }
   return best;

@@ -36,15 +36,15 @@ class FairLane {
   void forget(const crypto::IdentityName& sender);
 
  private:
-  struct Place {
+  struct QueueKey {
     double tag = 0;          ///< the sender's bytes so far, on its organisation's clock
     std::uint64_t turn = 0;  ///< Entry::turn: of equal tags the older one first
-    auto operator<=>(const Place&) const = default;
+    auto operator<=>(const QueueKey&) const = default;
   };
   struct Organisation {
     double tag = 0;    ///< its own bytes so far, on the lane's clock
     double clock = 0;  ///< the tag of its identity's that left last
-    std::map<Place, Entry> waiting;
+    std::map<QueueKey, Entry> waiting;
     std::map<crypto::IdentityName, double> tags;  ///< of each identity, behind its newest one
   };
   using Organisations = std::map<std::string, Organisation>;  ///< as many as the channel has; kept

@@ -32,7 +32,7 @@ constexpr double max_gap_s = 1.0;
 // place, within a second; fifty for the heading, five seconds' worth, since a pad that lies askew or another body is
 // not seen for as long, and a gyroscope does not drift by that.
 constexpr double fix_sigmas = 4;
-constexpr int places_that_agree = 3, headings_that_agree = 50;
+constexpr int positions_that_agree = 3, headings_that_agree = 50;
 // Two fixes of one place, a text apart: what a drone moves by meanwhile beyond what it reports.
 constexpr double moved_between_m = 0.05;
 
@@ -52,11 +52,11 @@ bool FixAgreement::holds(const Eigen::Vector2d& off, double spread) noexcept {
 }
 
 Odometry::Odometry(const OdometrySettings& settings) noexcept
-    : settings_(settings), refused_places_(places_that_agree), refused_headings_(headings_that_agree) {}
+    : settings_(settings), refused_positions_(positions_that_agree), refused_headings_(headings_that_agree) {}
 
 void Odometry::start(const TelloState& state, bool at_start) noexcept {
   placed_ = at_start;
-  refused_places_.reset();
+  refused_positions_.reset();
   refused_headings_.reset();
   last_fix_ = {};
   const double sigma = at_start ? settings_.start_sigma_m : anywhere_m;
@@ -246,8 +246,8 @@ void Odometry::fix(const Fix& fix) noexcept {
   const Eigen::Vector2d off = beside(fix);
   const bool plausible = off.dot(place_variance(fix).inverse() * off) < square(fix_sigmas);
   const double apart_m = fix_sigmas * std::numbers::sqrt2 * fix.sigma_m + moved_between_m;
-  if (!plausible && !refused_places_.holds(off, apart_m)) return;
-  refused_places_.reset();
+  if (!plausible && !refused_positions_.holds(off, apart_m)) return;
+  refused_positions_.reset();
   placed_ = true;
   if (!plausible) widen(off.norm());
   const auto place_now = [this] { return Eigen::Vector3d(place().x(), place().y(), height_[z]); };

@@ -106,7 +106,7 @@ class Odometry {
   bool placed_ = false;       ///< it was seen standing at its start, or has been fixed
   bool stood_ = false;        ///< at the newest text
   double unmeasured_m_ = 0;   ///< how far it may have gone since its velocity was usable
-  FixAgreement refused_places_, refused_headings_;
+  FixAgreement refused_positions_, refused_headings_;
   struct {
     Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< then
     double flown_s = 0, flown_m = 0;                         ///< since

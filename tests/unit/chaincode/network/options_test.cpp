@@ -60,16 +60,16 @@ TEST(FabricOptions, AFileSaysWhereThePartsAre) {
   ASSERT_TRUE(check(*options).ok());
   EXPECT_TRUE(options->runs_organisation(2) && options->runs_orderer(2));
   EXPECT_FALSE(options->runs_organisation(1) || options->runs_orderer(3));
-  const ListenAddresses places{options->orderer_places, options->organisation_places, {}};
-  for (const ListenAddress& bound : places.bound(*options))
+  const ListenAddresses addresses{options->orderer_addresses, options->organisation_addresses, {}};
+  for (const ListenAddress& bound : addresses.bound(*options))
     EXPECT_THAT(bound.host, testing::AnyOf("10.0.0.2", "127.0.0.1"));
-  EXPECT_EQ(places.bound(*options).size(), 6U);
+  EXPECT_EQ(addresses.bound(*options).size(), 6U);
 }
 
 TEST(FabricOptions, AddressesOfAllHostsAreInTheChannel) {
   const auto options = options_of(three_hosts);
   ASSERT_TRUE(options.ok()) << options.error().message;
-  const std::string yaml = configtx_yaml(*options, {options->orderer_places, options->organisation_places, {}});
+  const std::string yaml = configtx_yaml(*options, {options->orderer_addresses, options->organisation_addresses, {}});
   for (const char* part : {"- 10.0.0.3:7060", "{Host: 10.0.0.2, Port: 7060,", "{Host: 10.0.0.3, Port: 7051}"}) {
     EXPECT_THAT(yaml, HasSubstr(part));
   }
@@ -86,19 +86,19 @@ TEST(FabricOptions, WhatDoesNotFitTogetherIsRefusedByName) {
   EXPECT_EQ(why([](Options&) {}), "good");
   EXPECT_THAT(why([](Options& o) { o.only = {"org4"}; }), HasSubstr("\"org4\""));
   EXPECT_THAT(why([](Options& o) { o.background = {"orderer1"}; }), HasSubstr("\"orderer1\""));
-  EXPECT_THAT(why([](Options& o) { o.orderer_places.pop_back(); }), HasSubstr("2 of orderers"));
-  EXPECT_THAT(why([](Options& o) { o.orderer_places[0].port = 7053; }), HasSubstr("overlap"));
-  EXPECT_THAT(why([](Options& o) { o.orderer_places[0].host = "example"; }), HasSubstr("\"example\""));
+  EXPECT_THAT(why([](Options& o) { o.orderer_addresses.pop_back(); }), HasSubstr("2 of orderers"));
+  EXPECT_THAT(why([](Options& o) { o.orderer_addresses[0].port = 7053; }), HasSubstr("overlap"));
+  EXPECT_THAT(why([](Options& o) { o.orderer_addresses[0].host = "example"; }), HasSubstr("\"example\""));
   EXPECT_THAT(why([](Options& o) { o.channels = {"teleop", "teleop"}; }), HasSubstr("twice"));
   EXPECT_THAT(why([](Options& o) { o.channels = {"Tele op"}; }), HasSubstr("\"Tele op\""));
   EXPECT_THAT(why([](Options& o) { o.channels = {}; }), HasSubstr("channel"));
   EXPECT_THAT(why([](Options& o) { o.ca = true; }), HasSubstr("one host"));
   EXPECT_THAT(why([](Options& o) {
-                o.orderer_places.clear();
-                o.organisation_places.clear();
+                o.orderer_addresses.clear();
+                o.organisation_addresses.clear();
                 o.only = {"org1"};
               }),
-              HasSubstr("places"));
+              HasSubstr("addresses"));
 }
 
 TEST(FabricOptions, HistoryIsOnUnlessAFileTurnsItOff) {
@@ -126,31 +126,31 @@ TEST(FabricOptions, KeysThatNobodyKnowsAreRefused) {
 }
 
 TEST(FabricOptions, APlaceIsHostAndPort) {
-  EXPECT_EQ(*parse_place("10.0.0.1:7051"), (ListenAddress{"10.0.0.1", 7051}));
+  EXPECT_EQ(*parse_listen_address("10.0.0.1:7051"), (ListenAddress{"10.0.0.1", 7051}));
   for (const char* wrong : {"", "10.0.0.1", ":7051", "10.0.0.1:", "10.0.0.1:0", "10.0.0.1:70000", "10.0.0.1:7051x"}) {
-    EXPECT_FALSE(parse_place(wrong).ok()) << wrong;
+    EXPECT_FALSE(parse_listen_address(wrong).ok()) << wrong;
   }
 }
 
 TEST(FabricOptions, OnOneHostThePartsLieSideBySide) {
   Options options;
   options.orderers = 3;
-  const ListenAddresses places = places_from(options, 20'000);
+  const ListenAddresses addresses = listen_addresses_from(options, 20'000);
   std::set<std::uint16_t> ports;
-  for (const ListenAddress& place : places.bound(options)) ports.insert(place.port);
+  for (const ListenAddress& address : addresses.bound(options)) ports.insert(address.port);
   EXPECT_EQ(ports.size(), 18U);
   EXPECT_EQ(*ports.begin(), 20'000);
   EXPECT_EQ(*ports.rbegin(), 20'017);
-  EXPECT_TRUE(places.authorities.empty());
+  EXPECT_TRUE(addresses.authorities.empty());
 }
 
 TEST(FabricOptions, AuthoritiesLieBehindTheParts) {
   Options options = *options_of("ca = true\n");
   ASSERT_TRUE(check(options).ok());
-  const ListenAddresses places = places_from(options, 20'000);
-  EXPECT_EQ(places.authority(0), "127.0.0.1:20012");
-  EXPECT_EQ(places.authority(3), "127.0.0.1:20015");
-  for (const ListenAddress& place : places.bound(options)) EXPECT_LT(place.port, 20'012);
+  const ListenAddresses addresses = listen_addresses_from(options, 20'000);
+  EXPECT_EQ(addresses.authority(0), "127.0.0.1:20012");
+  EXPECT_EQ(addresses.authority(3), "127.0.0.1:20015");
+  for (const ListenAddress& address : addresses.bound(options)) EXPECT_LT(address.port, 20'012);
 }
 
 }  // namespace

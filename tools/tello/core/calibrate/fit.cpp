@@ -77,16 +77,16 @@ Linear solve(const UnitResponse& unit, const Stretch& stretch, const std::vector
   return {std::max(0.0, all - solved.dot(right)), solved[0], solved[1]};
 }
 
-struct Place {
+struct GridPoint {
   double dead_s = 0, lag_s = 0;
 };
 
 /// Dead times along the rows, lags along the columns.
 struct Grid {
-  Place first;
+  GridPoint first;
   double step_s = 0;
   Eigen::Index deads = 0, lags = 0;
-  Place at(Eigen::Index d, Eigen::Index l) const {
+  GridPoint at(Eigen::Index d, Eigen::Index l) const {
     return {first.dead_s + step_s * static_cast<double>(d), first.lag_s + step_s * static_cast<double>(l)};
   }
 };
@@ -98,9 +98,9 @@ Grid coarse_grid() {
           1 + std::lround((max_lag_s - min_lag_s) / coarse_s)};
 }
 
-Grid fine_grid(const Place& middle) {
-  const Place first{std::max(0.0, middle.dead_s - fine_points * fine_s),
-                    std::max(min_lag_s, middle.lag_s - fine_points * fine_s)};
+Grid fine_grid(const GridPoint& middle) {
+  const GridPoint first{std::max(0.0, middle.dead_s - fine_points * fine_s),
+                        std::max(min_lag_s, middle.lag_s - fine_points * fine_s)};
   return {first, fine_s, 1 + std::lround((middle.dead_s - first.dead_s) / fine_s) + fine_points,
           1 + std::lround((middle.lag_s - first.lag_s) / fine_s) + fine_points};
 }
@@ -109,9 +109,9 @@ Eigen::MatrixXd squares_of(const Stretch& stretch, const Grid& grid) {
   Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(grid.deads, grid.lags);
   for (Eigen::Index l = 0; l < grid.lags; ++l)
     for (Eigen::Index d = 0; d < grid.deads; ++d) {
-      const Place place = grid.at(d, l);
-      const UnitResponse unit(stretch, place.lag_s, place.dead_s);
-      for (const auto& axis : stretch.axes) squares(d, l) += solve(unit, stretch, axis, place.lag_s).squares;
+      const GridPoint point = grid.at(d, l);
+      const UnitResponse unit(stretch, point.lag_s, point.dead_s);
+      for (const auto& axis : stretch.axes) squares(d, l) += solve(unit, stretch, axis, point.lag_s).squares;
     }
   return squares;
 }
@@ -129,11 +129,11 @@ Eigen::MatrixXd sum_of(const std::vector<Eigen::MatrixXd>& all) {
 }
 
 // The grid's least, and from there the least of the quadric through its neighbours. A dead time of 0 may be the best.
-std::optional<Place> best_of(const Eigen::MatrixXd& squares, const Grid& grid) {
+std::optional<GridPoint> best_of(const Eigen::MatrixXd& squares, const Grid& grid) {
   Eigen::Index d = 0, l = 0;
   squares.minCoeff(&d, &l);
   if (d == grid.deads - 1 || l == 0 || l == grid.lags - 1) return std::nullopt;
-  Place best = grid.at(d, l);
+  GridPoint best = grid.at(d, l);
   if (d == 0) return grid.first.dead_s == 0 ? std::optional(best) : std::nullopt;
   const double here = squares(d, l);
   const Eigen::Vector2d slope((squares(d + 1, l) - squares(d - 1, l)) / 2, (squares(d, l + 1) - squares(d, l - 1)) / 2);

@@ -49,15 +49,15 @@ Options on_three_hosts() {
   options.orderers = 3;
   for (int k = 1; k <= 3; ++k) {
     const std::string host = "10.0.0." + std::to_string(k);
-    options.organisation_places.push_back({host, 7051});
-    options.orderer_places.push_back({host, 7061});
+    options.organisation_addresses.push_back({host, 7051});
+    options.orderer_addresses.push_back({host, 7061});
   }
   return options;
 }
 
 TEST(FabricHosts, AreTheAddressesOfThePlaces) {
   Options options = on_three_hosts();
-  options.orderer_places[2].host = "10.0.0.4";
+  options.orderer_addresses[2].host = "10.0.0.4";
   const auto hosts = hosts_of(options);
   ASSERT_EQ(hosts.size(), 4U);
   EXPECT_EQ(hosts[1].host, "10.0.0.2");
@@ -134,7 +134,7 @@ TEST(FabricTexts, APackageHasNoKeyAndThePeersBuilderAddsIt) {
   ASSERT_TRUE(identities::make(folder.name(), 1).ok());
   const auto tls = identities::peer_dir(folder.name(), 1) / "tls";
   const std::string ca = *read_file(tls / "ca.crt");
-  const std::string packed = connection_json(places_from({}, 20'000), 1, ca);
+  const std::string packed = connection_json(listen_addresses_from({}, 20'000), 1, ca);
   EXPECT_EQ(packed.find("PRIVATE"), std::string::npos);
   ASSERT_TRUE(write_file(folder.in("build/connection.json"), packed).ok());
   ASSERT_TRUE(write_file(folder.in("release"), builder_script("release"), 0755).ok());
@@ -150,7 +150,7 @@ TEST(FabricTexts, APackageHasNoKeyAndThePeersBuilderAddsIt) {
   EXPECT_EQ(json.at("client_cert"), *read_file(tls / "server.crt"));
   EXPECT_EQ(json.at("root_cert"), ca);
   EXPECT_EQ(json.at("client_auth_required"), true);
-  EXPECT_EQ(json.at("address"), places_from({}, 20'000).chaincode(1));
+  EXPECT_EQ(json.at("address"), listen_addresses_from({}, 20'000).chaincode(1));
 
   // As others write it: on one line; and one that brings a pair of its own.
   const auto released = [&](const std::string& text) {
@@ -167,9 +167,10 @@ TEST(FabricTexts, APackageHasNoKeyAndThePeersBuilderAddsIt) {
 
 TEST(FabricTexts, AnOrderersAdministrationIsForItsOwnHostAlone) {
   const Options options = on_three_hosts();
-  const ListenAddresses places{options.orderer_places, options.organisation_places, {}};
-  EXPECT_EQ(places.orderer_admin(2), "127.0.0.1:7062");
-  EXPECT_THAT(orderer_environment(options, places, 2), testing::Contains("ORDERER_ADMIN_LISTENADDRESS=127.0.0.1:7062"));
+  const ListenAddresses addresses{options.orderer_addresses, options.organisation_addresses, {}};
+  EXPECT_EQ(addresses.orderer_admin(2), "127.0.0.1:7062");
+  EXPECT_THAT(orderer_environment(options, addresses, 2),
+              testing::Contains("ORDERER_ADMIN_LISTENADDRESS=127.0.0.1:7062"));
 }
 
 }  // namespace

@@ -26,8 +26,8 @@ TEST(CryptoMaterialTest, AHostOfSeveralMakesNoneOfItsOwn) {
   Options options = tools.options();
   for (int k = 1; k <= 3; ++k) {
     const std::string host = "10.0.0." + std::to_string(k);
-    options.organisation_places.push_back({host, 7051});
-    if (k == 1) options.orderer_places.push_back({host, 7061});
+    options.organisation_addresses.push_back({host, 7051});
+    if (k == 1) options.orderer_addresses.push_back({host, 7061});
   }
   options.only = {"org1"};
   Site site(options);

@@ -64,7 +64,7 @@ TEST_F(DeploymentTest, AllOrganisationsApproveThenOneCommits) {
   EXPECT_THAT(calls, ElementsAre(StartsWith("peer lifecycle chaincode approveformyorg --package-id ledgerline_1:"),
                                  StartsWith("peer lifecycle chaincode approveformyorg --package-id ledgerline_1:"),
                                  StartsWith("peer lifecycle chaincode approveformyorg --package-id ledgerline_1:"),
-                                 StartsWith("peer lifecycle chaincode commit -o " + site->places().orderer(1))));
+                                 StartsWith("peer lifecycle chaincode commit -o " + site->addresses().orderer(1))));
   EXPECT_THAT(calls, Each(HasSubstr("--channelID teleop --name ledgerline --version 3 --sequence 1")));
   ASSERT_TRUE(deployment->define().ok());
   EXPECT_THAT(tools.calls(), IsEmpty());
@@ -114,8 +114,8 @@ TEST_F(DeploymentTest, AHostWithoutTheFirstOrganisationApprovesItsOwnAndCommitsN
   Options options = tools.options();
   for (int k = 1; k <= 3; ++k) {
     const std::string host = "10.0.0." + std::to_string(k);
-    options.organisation_places.push_back({host, 7051});
-    if (k == 1) options.orderer_places.push_back({host, 7061});
+    options.organisation_addresses.push_back({host, 7051});
+    if (k == 1) options.orderer_addresses.push_back({host, 7061});
   }
   options.only = {"org2"};
   start(options);

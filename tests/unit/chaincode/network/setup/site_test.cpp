@@ -56,7 +56,7 @@ TEST(SiteTest, PlacesStayThoseOfTheFirstStart) {
   ASSERT_TRUE(first.open().ok());
   Site second(tools.options());
   ASSERT_TRUE(second.open().ok());
-  EXPECT_EQ(first.places(), second.places());
+  EXPECT_EQ(first.addresses(), second.addresses());
 }
 
 }  // namespace

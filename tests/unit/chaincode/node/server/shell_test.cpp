@@ -276,7 +276,7 @@ TEST_F(ShellTest, WhoOnlyAsksComesLaterWhateverServiceBringsIt) {
   const auto place = [&](const fabric::ChannelAndContract& where, const std::string& function) {
     const auto proposal =
         *fabric::make_proposal(user, where, {function, {"tello1"}}, realtime_ns(), crypto::random_bytes(24));
-    return node->place_of(proposal.signed_proposal);
+    return node->priority_of(proposal.signed_proposal);
   };
   for (const char* function : {"get", "history", "verify"}) {
     EXPECT_EQ(place({}, function).turn, Turn::later) << function;
@@ -287,7 +287,7 @@ TEST_F(ShellTest, WhoOnlyAsksComesLaterWhateverServiceBringsIt) {
   }
   EXPECT_EQ(place({}, "stop").requester.msp_id, "Org3MSP");
   EXPECT_EQ(place({}, "stop").requester.identity, user.serialized);
-  EXPECT_EQ(node->place_of("garbage").turn, Turn::later);
+  EXPECT_EQ(node->priority_of("garbage").turn, Turn::later);
   msp::SerializedIdentity made_up;
   made_up.set_mspid("Org9MSP");
   EXPECT_EQ(node->requester_of(made_up.SerializeAsString()).msp_id, "")

@@ -24,7 +24,7 @@ class Watch : public testing::Test {
     fs::create_directories(dir_ + "/msp/keystore");
     put(issued(ca_, "raven"));
     put_tls(issued(ca_, "raven-host"));
-    ledger_.identity_place = {crypto::Library::libcrypto, "Org1MSP", dir_ + "/msp", {}};
+    ledger_.identity_source = {crypto::Library::libcrypto, "Org1MSP", dir_ + "/msp", {}};
     ledger_.identity = crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", dir_ + "/msp").value();
     ledger_.tls_pair = {dir_ + "/tls.crt", dir_ + "/tls.key"};
     ledger_.orderers = {{"127.0.0.1:1", "", "", {}}, {"127.0.0.1:2", "", "", ledger_.tls_pair}};

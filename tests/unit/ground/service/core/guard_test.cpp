@@ -42,7 +42,7 @@ TEST_F(GuardTest, RefusesAnotherSitesPageAndANameThatWasBoundToThisAddress) {
     Head head = good();
     head.origin = origin;
     EXPECT_EQ(check(head), 403U) << origin;
-    EXPECT_EQ(guard.check_place(head).status, 403U) << origin;
+    EXPECT_EQ(guard.check_origin(head).status, 403U) << origin;
   }
   for (const char* host : {"", "evil.example", "evil.example:8800", "127.0.0.1", "127.0.0.1:8801"}) {
     Head head = good();
@@ -58,7 +58,7 @@ TEST_F(GuardTest, RefusesWhoDoesNotKnowTheWholeToken) {
     Head head = good();
     head.authorization = wrong;
     EXPECT_EQ(check(head), 401U) << wrong;
-    EXPECT_EQ(guard.check_place(head).status, 0U) << "the page's files need none";
+    EXPECT_EQ(guard.check_origin(head).status, 0U) << "the page's files need none";
   }
 }
 

@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "ground/service/core/places.hpp"
+#include "ground/service/core/connection_quota.hpp"
 #include "ground/service/shell/page_files.hpp"
 #include "tests/fuzz/directory.hpp"
 
@@ -287,8 +287,8 @@ TEST_F(StationServer, SeventyStreamsWithThePagesTokenLeaveWayForAStop) {
       ++refused;
     }
   }
-  EXPECT_EQ(streams.size(), Places::max_of_one);
-  EXPECT_EQ(refused, 70 - Places::max_of_one);
+  EXPECT_EQ(streams.size(), ConnectionQuota::max_of_one);
+  EXPECT_EQ(refused, 70 - ConnectionQuota::max_of_one);
   const auto stopped = ask(http::verb::post, "/api/v1/stop", token);
   EXPECT_EQ(stopped.result_int(), 202U);
   EXPECT_FALSE(stopped.keep_alive()) << "it has no place";
@@ -402,7 +402,7 @@ TEST_F(StationWithOperators, ASessionThatIsOverStillStopsAndLands) {
 TEST_F(StationWithOperators, OnlookersLeaveAnOperatorHisPlacesAndCutNothing) {
   const std::string session = sign_in();
   std::vector<std::unique_ptr<Stream>> onlookers;
-  for (std::size_t i = 0; i < Places::max_of_one; ++i) onlookers.push_back(stream());
+  for (std::size_t i = 0; i < ConnectionQuota::max_of_one; ++i) onlookers.push_back(stream());
   EXPECT_THROW(stream(), std::exception);
   const auto own = stream(session);
   const auto answer_to = [](Stream& client, const std::string& message) {

@@ -15,7 +15,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
-#include "ground/service/core/places.hpp"
+#include "ground/service/core/connection_quota.hpp"
 #include "ground/service/shell/server.hpp"
 #include "tests/fuzz/directory.hpp"
 

@@ -1,4 +1,4 @@
-#include "ground/service/core/places.hpp"
+#include "ground/service/core/connection_quota.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,41 +10,41 @@
 namespace ledgerline::ground::service {
 namespace {
 
-using Use = Places::Use;
+using Use = ConnectionQuota::Use;
 
-TEST(Places, AnOnlookersAddressHasEightAndHalfOfThemForRequests) {
-  Places places;
-  const Places::Owner here{"192.0.2.1"}, there{"192.0.2.2"};
+TEST(ConnectionQuota, AnOnlookersAddressHasEightAndHalfOfThemForRequests) {
+  ConnectionQuota quota;
+  const ConnectionQuota::Owner here{"192.0.2.1"}, there{"192.0.2.2"};
   std::size_t requests = 0, streams = 0;
-  while (places.acquire(here, Use::request)) ++requests;
-  while (places.acquire(here, Use::stream)) ++streams;
+  while (quota.acquire(here, Use::request)) ++requests;
+  while (quota.acquire(here, Use::stream)) ++streams;
   EXPECT_EQ(requests, 4U);
   EXPECT_EQ(requests + streams, 8U);
-  EXPECT_TRUE(places.acquire(there, Use::stream));
-  places.release(here);
-  EXPECT_TRUE(places.acquire(here, Use::stream));
-  EXPECT_FALSE(places.acquire(here, Use::stream));
+  EXPECT_TRUE(quota.acquire(there, Use::stream));
+  quota.release(here);
+  EXPECT_TRUE(quota.acquire(here, Use::stream));
+  EXPECT_FALSE(quota.acquire(here, Use::stream));
 }
 
-TEST(Places, WhateverOnlookersTakeAnOperatorKeepsTwo) {
-  Places places;
+TEST(ConnectionQuota, WhateverOnlookersTakeAnOperatorKeepsTwo) {
+  ConnectionQuota quota;
   std::size_t taken = 0;
   for (int address = 0; address < 100; ++address) {
-    while (places.acquire({std::to_string(address)}, Use::stream)) ++taken;
+    while (quota.acquire({std::to_string(address)}, Use::stream)) ++taken;
   }
-  EXPECT_EQ(taken, Places::max_shared);
+  EXPECT_EQ(taken, ConnectionQuota::max_shared);
   for (const std::size_t who : {0U, 1U}) {
-    EXPECT_TRUE(places.acquire({"192.0.2.9", who}, Use::stream));
-    EXPECT_TRUE(places.acquire({"198.51.100.7", who}, Use::request)) << "wherever he connects from";
-    EXPECT_FALSE(places.acquire({"192.0.2.9", who}, Use::stream)) << "the rest is shared";
+    EXPECT_TRUE(quota.acquire({"192.0.2.9", who}, Use::stream));
+    EXPECT_TRUE(quota.acquire({"198.51.100.7", who}, Use::request)) << "wherever he connects from";
+    EXPECT_FALSE(quota.acquire({"192.0.2.9", who}, Use::stream)) << "the rest is shared";
   }
-  places.release({"0"});
-  EXPECT_TRUE(places.acquire({"192.0.2.9", 0}, Use::stream));
-  places.release({"192.0.2.9", 0});
-  EXPECT_TRUE(places.acquire({"1000"}, Use::stream)) << "what was shared is again";
+  quota.release({"0"});
+  EXPECT_TRUE(quota.acquire({"192.0.2.9", 0}, Use::stream));
+  quota.release({"192.0.2.9", 0});
+  EXPECT_TRUE(quota.acquire({"1000"}, Use::stream)) << "what was shared is again";
 }
 
-TEST(Places, AHostOfIpv6IsOneAddressWhicheverOfItsOwnItUses) {
+TEST(ConnectionQuota, AHostOfIpv6IsOneAddressWhicheverOfItsOwnItUses) {
   EXPECT_EQ(address_of("2001:db8::1"), address_of("2001:db8::ffff:2"));
   EXPECT_NE(address_of("2001:db8:0:1::1"), address_of("2001:db8::1"));
   EXPECT_NE(address_of("::ffff:192.0.2.1"), address_of("::ffff:192.0.2.2"));

@@ -1,4 +1,4 @@
-#include "ground/service/core/places.hpp"
+#include "ground/service/core/connection_quota.hpp"
 
 #include <arpa/inet.h>
 
@@ -8,11 +8,11 @@
 
 namespace ledgerline::ground::service {
 
-std::size_t Places::shared_of(const Owner& owner, std::size_t count) {
+std::size_t ConnectionQuota::shared_of(const Owner& owner, std::size_t count) {
   return owner.who ? count - std::min(count, reserved) : count;
 }
 
-bool Places::acquire(const Owner& owner, Use use) {
+bool ConnectionQuota::acquire(const Owner& owner, Use use) {
   const Owner key = key_of(owner);
   const auto found = counts_.find(key);
   const std::size_t count = found == counts_.end() ? 0 : found->second;
@@ -24,7 +24,7 @@ bool Places::acquire(const Owner& owner, Use use) {
   return true;
 }
 
-void Places::release(const Owner& owner) {
+void ConnectionQuota::release(const Owner& owner) {
   const auto found = counts_.find(key_of(owner));
   if (found == counts_.end()) return;
   shared_ -= shared_of(found->first, found->second) - shared_of(found->first, found->second - 1);

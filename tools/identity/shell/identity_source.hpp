@@ -8,17 +8,17 @@
 /// Where a host's key and certificate lie, and how new ones come there.
 namespace ledgerline::identity {
 
-inline std::string text_of(const crypto::IdentityPlace& place) {
-  return place.msp_dir.empty() ? place.files.certificate : place.msp_dir;
+inline std::string text_of(const crypto::IdentitySource& source) {
+  return source.msp_dir.empty() ? source.files.certificate : source.msp_dir;
 }
 /// There is neither a key nor a certificate.
-bool is_free(const crypto::IdentityPlace& place);
+bool is_free(const crypto::IdentitySource& source);
 
 /// Puts a pair there that fits together: first the key (0600), then the certificate by one rename, then the old key
 /// goes. In a folder the pair is whole at each moment, whatever dies meanwhile, since of two keys the one that fits
 /// counts (crypto::identity_files); of two files the key is new a moment before the certificate, which running programs
 /// wait out.
-Status put(const crypto::IdentityPlace& place, const crypto::Renewal::Pair& pair);
+Status put(const crypto::IdentitySource& source, const crypto::Renewal::Pair& pair);
 
 /// A folder of fabric-ca-client's, 0700, beside the place, that goes with this object and with all that is in it.
 class Home {

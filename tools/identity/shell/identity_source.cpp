@@ -1,4 +1,4 @@
-#include "tools/identity/shell/place.hpp"
+#include "tools/identity/shell/identity_source.hpp"
 
 #include <fmt/format.h>
 #include <stdlib.h>
@@ -39,15 +39,15 @@ Status set_owner_like(const std::string& before, const std::string& key) {
 
 }  // namespace
 
-bool is_free(const crypto::IdentityPlace& place) {
-  if (place.msp_dir.empty()) return !fs::exists(place.files.certificate) && !fs::exists(place.files.private_key);
-  return !crypto::certificate_file(place.msp_dir) && !crypto::key_file(place.msp_dir);
+bool is_free(const crypto::IdentitySource& source) {
+  if (source.msp_dir.empty()) return !fs::exists(source.files.certificate) && !fs::exists(source.files.private_key);
+  return !crypto::certificate_file(source.msp_dir) && !crypto::key_file(source.msp_dir);
 }
 
-Status put(const crypto::IdentityPlace& place, const crypto::Renewal::Pair& pair) {
-  if (place.msp_dir.empty()) {
+Status put(const crypto::IdentitySource& source, const crypto::Renewal::Pair& pair) {
+  if (source.msp_dir.empty()) {
     // Both beside their places first: what cannot be written takes no key away.
-    const auto& [certificate, key] = place.files;
+    const auto& [certificate, key] = source.files;
     const std::string fresh = key + ".renewed";
     if (Status s = replace_file(fresh, pair.key_pem, 0600); !s) return s;
     if (Status s = set_owner_like(key, fresh); !s) return s;
@@ -56,8 +56,8 @@ Status put(const crypto::IdentityPlace& place, const crypto::Renewal::Pair& pair
       return Error{fmt::format("cannot write {}: {}", key, std::strerror(errno))};
     return replace_file(certificate, pair.certificate_pem);
   }
-  const fs::path folder = place.msp_dir;
-  const auto before = place.files_now();
+  const fs::path folder = source.msp_dir;
+  const auto before = source.files_now();
   if (Status s = make_folder(folder / "keystore", fs::perms::owner_all); !s) return s;
   if (Status s = make_folder(folder / "signcerts", fs::perms(0755)); !s) return s;
   const auto hash = crypto::certificate_hash(pair.certificate_pem);
@@ -68,7 +68,7 @@ Status put(const crypto::IdentityPlace& place, const crypto::Renewal::Pair& pair
   if (before) {
     if (Status s = set_owner_like(before->private_key, key.string()); !s) return s;
   }
-  const auto old = crypto::certificate_file(place.msp_dir);
+  const auto old = crypto::certificate_file(source.msp_dir);
   if (Status s = replace_file(old ? *old : (folder / "signcerts" / "cert.pem").string(), pair.certificate_pem); !s)
     return s;
   if (!before || before->private_key == key) return done;

@@ -9,12 +9,12 @@
 
 namespace ledgerline::ground::service {
 
-/// Who keeps a connection. Who has shown the token needs a place for what lasts (a stream, a connection that is kept
+/// Who keeps a connection. Who has shown the token needs a slot for what lasts (a stream, a connection that is kept
 /// alive); a request is answered without one, so that a stop needs none. Deterministic; one thread.
 ///
-///   operator who is signed in:  two places of his own, then shared ones; eight at most
-///   onlooker (page's token):    shared places; eight at most for one address
-class Places {
+///   operator who is signed in:  two slots of his own, then shared ones; eight at most
+///   onlooker (page's token):    shared slots; eight at most for one address
+class ConnectionQuota {
  public:
   /// A page has a stream and at most six connections for its requests (a browser's own bound), and somebody looks
   /// twice.
@@ -29,7 +29,7 @@ class Places {
   };
 
   enum class Use { stream, request };
-  /// False: there is none left for him. Connections that are kept for requests leave half of his places to streams.
+  /// False: there is none left for him. Connections that are kept for requests leave half of his slots to streams.
   bool acquire(const Owner& owner, Use use);
   void release(const Owner& owner);
 

@@ -13,24 +13,24 @@ using testing::HasSubstr;
 TEST(PlacesTest, AreKeptByTheDirectory) {
   const FakeTools tools;
   Options options = tools.options();
-  const auto first = choose_places(options);
+  const auto first = choose_listen_addresses(options);
   ASSERT_TRUE(first.ok());
   EXPECT_EQ(first->organisations.size(), 3U);
-  EXPECT_EQ(*choose_places(options), *first);
+  EXPECT_EQ(*choose_listen_addresses(options), *first);
   options.orderers = 3;
-  EXPECT_THAT(choose_places(options).error().message, HasSubstr("is of a network with other places"));
+  EXPECT_THAT(choose_listen_addresses(options).error().message, HasSubstr("is of a network with other addresses"));
   options.orderers = 1;
   options.ca = true;
-  EXPECT_THAT(choose_places(options).error().message, HasSubstr("is of a network without fabric-ca"));
+  EXPECT_THAT(choose_listen_addresses(options).error().message, HasSubstr("is of a network without fabric-ca"));
 }
 
 TEST(PlacesTest, AFileThatIsDamagedIsReported) {
   const FakeTools tools;
   for (const char* text : {"{", "{}", "[1]", R"({"orderers": ["x"], "organisations": [], "authorities": []})"}) {
     ASSERT_TRUE(write_file(tools.options().dir + "/places.json", text, 0644).ok());
-    const auto places = choose_places(tools.options());
-    ASSERT_FALSE(places) << text;
-    EXPECT_THAT(places.error().message, HasSubstr("places.json: "));
+    const auto addresses = choose_listen_addresses(tools.options());
+    ASSERT_FALSE(addresses) << text;
+    EXPECT_THAT(addresses.error().message, HasSubstr("places.json: "));
   }
 }
 
@@ -41,12 +41,12 @@ TEST(PlacesTest, OneThatIsTakenIsNamedAndNotChosen) {
   ASSERT_EQ(::bind(taken, reinterpret_cast<const sockaddr*>(&at), size), 0);
   ASSERT_EQ(::listen(taken, 1), 0);
   ASSERT_EQ(::getsockname(taken, reinterpret_cast<sockaddr*>(&at), &size), 0);
-  const ListenAddress place{"127.0.0.1", ntohs(at.sin_port)};
-  const Status free = check_free({place});
+  const ListenAddress address{"127.0.0.1", ntohs(at.sin_port)};
+  const Status free = check_free({address});
   ::close(taken);
   ASSERT_FALSE(free);
-  EXPECT_THAT(free.error().message, AllOf(HasSubstr("TCP " + place.text()), HasSubstr("is taken")));
-  EXPECT_TRUE(check_free({place}).ok());
+  EXPECT_THAT(free.error().message, AllOf(HasSubstr("TCP " + address.text()), HasSubstr("is taken")));
+  EXPECT_TRUE(check_free({address}).ok());
 }
 
 }  // namespace
