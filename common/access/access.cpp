@@ -216,18 +216,21 @@ class Change {
     const Identity& to = message<AnswerCall>().to();
     if (std::optional<Refusal> why = check_holder()) return why;
     const ledgerline::Request* request = request_of(control, to);
-    if (request != nullptr && request->has_delegate()) {  // it may have lost its role since
-      const auto role = inputs_.roles.of(to_name(request->delegate()));
-      if (role && withdraws_rights(*role)) {
-        return refuse(Rule::requested, to_text(to) + " has requested it for " + to_text(request->delegate()) +
-                                           ", whose organisation lets it command no more; it may request it again");
-      }
+    if (request == nullptr) return refuse(Rule::requested, to_text(to) + " has not requested it; it may request it");
+    const Rights rights = rights_of(control, to);
+    if (!rights.fly) {
+      return refuse(Rule::requested,
+                    to_text(to) + " is not granted it any more; an administrator of " + owner() + " may grant it");
     }
-    if (hand_over_lease(control, to, inputs_.new_epoch)) return std::nullopt;
-    return refuse(Rule::requested, to_text(to) +
-                                       " has not requested it, or is not granted it any more; it may request it, an "
-                                       "administrator of " +
-                                       owner() + " may grant it");
+    const Identity* delegate = delegate_in(*request);
+    const auto role = delegate != nullptr ? inputs_.roles.of(to_name(*delegate)) : std::nullopt;
+    if (delegate != nullptr && (is_revoked(control, *delegate) || (role && withdraws_rights(*role)))) {
+      return refuse(Rule::requested, to_text(to) + " has requested it for " + to_text(*delegate) +
+                                         ", whose organisation lets it command no more; it may request it again");
+    }
+    begin_lease(control, to, delegate, inputs_.new_epoch, std::min(request->priority(), rights.max_priority));
+    remove_request(control, to);
+    return std::nullopt;
   }
 
   std::optional<Refusal> deny() {

@@ -190,17 +190,4 @@ inline void add_request(Control& control, const Identity& who, const Identity* d
   put_entry(*control.mutable_requests(), one, whose_request);
 }
 
-/// Gives the lease to one who has requested it, with the delegate and at the priority requested, as far as that is
-/// granted to him. False: he has not requested it, or he may not fly it any more, or his delegate is revoked.
-inline bool hand_over_lease(Control& control, const Identity& to, std::uint64_t new_epoch) {
-  const Request* request = request_of(control, to);
-  const Rights rights = rights_of(control, to);
-  if (!request || !rights.fly) return false;
-  const Identity* delegate = delegate_in(*request);
-  if (delegate != nullptr && is_revoked(control, *delegate)) return false;
-  begin_lease(control, to, delegate, new_epoch, std::min(request->priority(), rights.max_priority));
-  remove_request(control, to);
-  return true;
-}
-
 }  // namespace ledgerline

@@ -71,7 +71,7 @@ ServiceManager::~ServiceManager() {
 Status ServiceManager::ready() { return send("READY=1"); }
 
 Status ServiceManager::alive(TimeNs now, std::uint64_t progress) {
-  return pace_.restart_if_due(now, progress) ? send("WATCHDOG=1") : done;
+  return pace_.should_notify(now, progress) ? send("WATCHDOG=1") : done;
 }
 
 Status ServiceManager::send(const char* message) const {

@@ -23,7 +23,7 @@ class WatchdogPace {
 
   /// True: notify now; the next time is half a timeout from now. `progress`: any count that moves on with the work that
   /// is watched over.
-  bool restart_if_due(TimeNs now, std::uint64_t progress) noexcept {
+  bool should_notify(TimeNs now, std::uint64_t progress) noexcept {
     if (period_ns_ == 0 || now < next_ns_ || progress == reported_) return false;
     next_ns_ = now + period_ns_;
     reported_ = progress;

@@ -19,7 +19,7 @@ struct RepeatLimits;
 
 /// What may be trusted of a transaction of the contract without trusting the peer that ran it. A peer signs results;
 /// only the creator signs what was asked for. So what is done in a creator's name must be what that creator asked for,
-/// and an event is no more than the peer's copy of it. Pure; no thread of its own.
+/// and an event is no more than the peer's copy of it. Pure, but for submit_claiming().
 namespace ledgerline::verification {
 
 /// What a creator asked for: of a received transaction (its reader checks the creator's signature), or of one that is

@@ -147,7 +147,7 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
   if (drone.fresh) drone.phases.advance(now_ns, timing_.of(index).delay_ns);
   if (drone.fresh || (drone.commanded && now_ns - intake_.of(index).received_ns < new_enough_ns)) {
     if (auto command = drone.planner.make(now_ns, timing_.of(index))) {
-      outbox_ ? outbox_->put(index, std::move(*command)) : hand_over(now_ns, index, std::move(*command), out);
+      outbox_ ? outbox_->put(index, std::move(*command)) : emit_local_plan(now_ns, index, std::move(*command), out);
     }
   }
   drone.fresh = drone.commanded = false;

@@ -17,10 +17,8 @@
 
 namespace ledgerline::ground {
 
-/// Flies N drones around a path, through the ledger: blocks in, `command` calls out. One plan per drone and state, the
-/// plans of all drones in one call, one call in flight until it is committed, or behind a gap (fabric::InFlight); what
-/// is made meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of
-/// one drone ("tello3: ...") is sent again at once without that drone.
+/// Flies N drones around a path, through the ledger: blocks in, `command` calls out, one plan per drone and state. What
+/// is sent together, what waits and what is sent again: CommandOutbox.
 ///
 /// Manual: no path, a pilot's commands instead. A velocity makes a plan at once, from the newest state; one that is not
 /// renewed ends in zero after cmd_timeout_ns, and the drone hovers until it hears more or its failsafe lands it. An
@@ -91,7 +89,7 @@ class FlightCore {
   void on_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
   void on_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
-  void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
+  void emit_local_plan(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
   Diagnosis::Finding diagnose(TimeNs now_ns, std::size_t index) const;
   /// False while the drone's state is unknown, and while we fly it.
   bool is_on_ground(std::size_t index) const;

@@ -28,11 +28,11 @@ struct DroneNow {
   std::vector<Eigen::Vector3d> way{};     ///< way_of(), of those that check() looks at
 };
 
-inline DroneNow drone_now(const FlightView& core, std::size_t drone) {
-  const FlightStatus& status = core.status(drone);
-  const IntakeState& seen = core.intake(drone);
+inline DroneNow drone_now(const FlightView& flights, std::size_t drone) {
+  const FlightStatus& status = flights.status(drone);
+  const IntakeState& seen = flights.intake(drone);
   const StateSample& state = seen.state;
-  DroneNow now{core.drones()[drone].name,
+  DroneNow now{flights.drones()[drone].name,
                status.phase,
                seen.has_state,
                seen.has_state && is_on_ground(state.phase),
@@ -42,7 +42,7 @@ inline DroneNow drone_now(const FlightView& core, std::size_t drone) {
                status.reached,
                status.why};
   const bool has_pose = seen.has_state && state.pose_stamp_ns > 0 &&
-                        state.stamp_ns - state.pose_stamp_ns <= core.config().controller.pose_lost_ns;
+                        state.stamp_ns - state.pose_stamp_ns <= flights.config().controller.pose_lost_ns;
   if (has_pose) now.at_m = Eigen::Vector3d::Map(state.position_m.data());
   if (seen.has_state && state.sdk_state_fresh && state.battery >= 0)
     now.battery_share = static_cast<double>(state.battery);
@@ -50,16 +50,16 @@ inline DroneNow drone_now(const FlightView& core, std::size_t drone) {
 }
 
 /// Of all drones of the flight, in its order.
-inline std::vector<DroneNow> drones_now(const FlightView& core) {
+inline std::vector<DroneNow> drones_now(const FlightView& flights) {
   std::vector<DroneNow> all;
-  for (std::size_t i = 0; i < core.drones().size(); ++i) all.push_back(drone_now(core, i));
+  for (std::size_t i = 0; i < flights.drones().size(); ++i) all.push_back(drone_now(flights, i));
   return all;
 }
 
 /// Corners of the path that a drone flies or has paused. It may be long, and a flight's step has no use for it.
-inline std::vector<Eigen::Vector3d> way_of(const FlightView& core, std::size_t drone) {
+inline std::vector<Eigen::Vector3d> way_of(const FlightView& flights, std::size_t drone) {
   std::vector<Eigen::Vector3d> way;
-  for (const auto& corner : core.status(drone).planned) way.push_back(Eigen::Vector3d::Map(corner.data()));
+  for (const auto& corner : flights.status(drone).planned) way.push_back(Eigen::Vector3d::Map(corner.data()));
   return way;
 }
 

@@ -162,7 +162,7 @@ void Ground::open_missions(service::MissionSettings settings) {
   settings.check.flight = view_.config().controller;
   missions_ = std::make_unique<MissionService>(MissionService::Parts{
       .settings = std::move(settings),
-      .core = view_,
+      .flights = view_,
       .client = channels_.front()->urgent(),
       .sign = [this](std::size_t who,
                      const service::OperatorCall& call) { return operators_->keys().submit(who, call); },

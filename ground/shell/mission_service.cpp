@@ -59,7 +59,8 @@ std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), dig
 
 /// Who of those that may approve has anchored this digest.
 Result<std::vector<crypto::IdentityName>> signers_of(const verification::Evaluate& evaluate,
-                                                     const verification::Roles& roles, const crypto::Digest& digest) {
+                                                     const verification::RoleTable& roles,
+                                                     const crypto::Digest& digest) {
   Anchors anchors;
   for (const AnchorCall& call : service::approval_questions(bytes_of(digest), roles)) {
     const auto answer = evaluate({contract::verify, {call.SerializeAsString()}});
@@ -162,8 +163,8 @@ void MissionService::add_run(mission::MissionRun run, const std::optional<crypto
 
 void MissionService::check(const mission::Mission& mission, std::function<void(Checked)> then) {
   Checked checked;
-  checked.then = mission::drones_now(parts_.core);
-  for (std::size_t i = 0; i < checked.then.size(); ++i) checked.then[i].way = mission::way_of(parts_.core, i);
+  checked.then = mission::drones_now(parts_.flights);
+  for (std::size_t i = 0; i < checked.then.size(); ++i) checked.then[i].way = mission::way_of(parts_.flights, i);
   const bool taken = worker_.post([this, mission, checked, then]() mutable {
     checked.findings = mission::check(mission, book_.check_config(), checked.then);
     later([then, checked = std::move(checked)]() mutable { then(std::move(checked)); });
@@ -175,7 +176,7 @@ void MissionService::check(const mission::Mission& mission, std::function<void(C
 
 void MissionService::read_signers(const std::string& id, std::function<void(const Status& read)> then) {
   std::vector<std::string> organisations = parts_.settings.approvers;
-  if (organisations.empty()) organisations = {parts_.core.config().self.msp_id};  // as the book counts them
+  if (organisations.empty()) organisations = {parts_.flights.config().self.msp_id};  // as the book counts them
   const auto digests = terms_.now(book_.digest(id), realtime_ns() / ns_per_s);
   const bool taken = worker_.post([this, id, digests, then, organisations = std::move(organisations)] {
     auto signers =
@@ -244,7 +245,7 @@ void MissionService::fly(const mission::Mission& part, Begin begin, const Missio
     check(part, [this, begin, asked, answer](const Checked& checked) {
       if (asked.who && !parts_.signed_in(*asked.who))  // he may have signed out while it was checked
         return answer(refusal(409, "the operator who requested it has signed out"));
-      answer(done_or((book_.*begin)(asked.id, asked.by, checked, parts_.core)));
+      answer(done_or((book_.*begin)(asked.id, asked.by, checked, parts_.flights)));
     });
   });
 }
@@ -263,7 +264,7 @@ void MissionService::anchor(const MissionRequest& asked, const Answer& answer) {
     const Status asked_now = parts_.sign(*asked.who, call);
     return answer(asked_now ? ApiAnswer{202, accepted} : refusal(503, asked_now.error().message));
   }
-  parts_.client.submit(service::contract_call(call, "", parts_.core.config().self),
+  parts_.client.submit(service::contract_call(call, "", parts_.flights.config().self),
                        [this, words = service::words_of(call)](const fabric::Outcome& outcome) {
                          if (outcome.kind == fabric::Outcome::Kind::committed) return;
                          later([this, words, why = outcome.message] {
@@ -291,13 +292,14 @@ void MissionService::step(TimeNs now) {
     for (const std::string& id : book_.ids()) read_signers(id);
   }
   if (book_.busy()) {
-    service::MissionBook::Outputs out = book_.step(now, parts_.core);
+    service::MissionBook::Outputs out = book_.step(now, parts_.flights);
     for (const PilotCommand& command : out.commands) parts_.post_command(command);
     for (const mission::RunEvent& event : out.events) parts_.report(event.level, event.drone, event.text);
     for (const std::string& id : out.kept) save(id);
     for (const std::string& id : out.ended) write_record(id);
     for (const std::string& id : out.awaiting_check)
-      check(book_.rest(id), [this, id](const Checked& checked) { book_.resume_after_check(id, checked, parts_.core); });
+      check(book_.rest(id),
+            [this, id](const Checked& checked) { book_.resume_after_check(id, checked, parts_.flights); });
   }
   if (book_.pop_changed()) parts_.publish(book_.list());
 }

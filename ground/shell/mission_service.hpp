@@ -20,7 +20,7 @@ class MissionService {
   using Answer = std::function<void(service::ApiAnswer)>;
   struct Parts {
     service::MissionSettings settings;
-    const FlightView& core;
+    const FlightView& flights;
     fabric::Client& client;  ///< to ask, and for what ground's own identity anchors
     /// Has an operator sign his approval; the error says why he cannot now.
     std::function<Status(std::size_t who, const service::OperatorCall& call)> sign;
@@ -35,8 +35,8 @@ class MissionService {
 
   explicit MissionService(Parts parts)
       : parts_(std::move(parts)),
-        book_(parts_.settings, parts_.core.config().self),
-        terms_(parts_.core.config().self, parts_.settings.approval_s) {}
+        book_(parts_.settings, parts_.flights.config().self),
+        terms_(parts_.flights.config().self, parts_.settings.approval_s) {}
   /// Reads what an earlier ground kept. An error: the folder cannot be read; a file that is no mission is said and
   /// left.
   Status restore();

@@ -67,7 +67,7 @@ std::optional<PadSight> Sensors::pad(const Body& body) {
   return visible_pad(p_, body, second_random_);
 }
 
-Telemetry Sensors::read(const Body& body, const Flown& flown) {
+Telemetry Sensors::read(const Body& body, const FirmwareState& flown) {
   Telemetry t;
   const Rotation& q = body.attitude;
   const double noise = noise_.attitude_rad;

@@ -47,7 +47,7 @@ struct Telemetry {
 };
 
 /// What the firmware knows by itself, for Sensors::read.
-struct Flown {
+struct FirmwareState {
   Vector velocity = Vector::Zero();  ///< by flow, map frame
   bool flow_lost = false;
   double takeoff_z = 0;
@@ -73,7 +73,7 @@ class Sensors {
   void set_sensing(const Sensing& sensing) { sensing_ = sensing; }
   const Sensing& sensing() const { return sensing_; }
   /// All but the pad.
-  Telemetry read(const Body& body, const Flown& flown);
+  Telemetry read(const Body& body, const FirmwareState& flown);
   /// What the camera that looks down sees now.
   std::optional<PadSight> pad(const Body& body);
 

@@ -95,17 +95,19 @@ void ChainAudit::find(std::optional<std::size_t> transaction, const std::string&
   if (findings_.size() < max_findings) findings_.push_back({next_, transaction, tx_id, printable(what)});
 }
 
-void ChainAudit::find_at_end(const std::string& what) { find(std::nullopt, "", what); }
+void ChainAudit::find_at_end(const std::string& what) { add_finding(std::nullopt, "", what); }
 
 void ChainAudit::end() {
   if (!trust_.anchor.empty() && !anchor_seen_)
-    find(std::nullopt, "",
-         fmt::format("the chain ends before block {}, the trust anchor: nothing shows whose it is", anchor_number_));
+    add_finding(
+        std::nullopt, "",
+        fmt::format("the chain ends before block {}, the trust anchor: nothing shows whose it is", anchor_number_));
   if (!trust_.newest.empty() && newest_hash() != trust_.newest)
-    find(std::nullopt, "",
-         fmt::format(
-             "the newest block that was shown has the hash {}, not {}: later ones are missing, or have come since",
-             newest_hash(), trust_.newest));
+    add_finding(
+        std::nullopt, "",
+        fmt::format(
+            "the newest block that was shown has the hash {}, not {}: later ones are missing, or have come since",
+            newest_hash(), trust_.newest));
 }
 
 void ChainAudit::configure(const fabric::ChannelConfig& config) {
@@ -119,7 +121,7 @@ void ChainAudit::add(std::string_view bytes) {
   ++counts_.blocks;
   common::Block block;
   if (!parse(bytes, block)) {
-    find(std::nullopt, "", "it is no block");
+    add_finding(std::nullopt, "", "it is no block");
     hash_is_known_ = false;
     ++next_;
     return;
@@ -139,13 +141,13 @@ void ChainAudit::add(std::string_view bytes) {
 /// Number and previous hash; false: the block is of another place, and says nothing of this one.
 bool ChainAudit::follow_chain(const common::Block& block) {
   if (block.header().number() != next_) {
-    find(std::nullopt, "", fmt::format("block {} is in its place", block.header().number()));
+    add_finding(std::nullopt, "", fmt::format("block {} is in its place", block.header().number()));
     hash_is_known_ = false;
     return false;
   }
   if (hash_is_known_ && block.header().previous_hash() != hash_.value_or(""))
-    find(std::nullopt, "",
-         next_ == 0 ? "it names a block before it" : "its previous hash is not that of the block before");
+    add_finding(std::nullopt, "",
+                next_ == 0 ? "it names a block before it" : "its previous hash is not that of the block before");
   return true;
 }
 
@@ -157,27 +159,29 @@ void ChainAudit::check_anchor(const common::Block& block) {
       orderers_ = std::move(*validator);
       configure(*config);
     } else {
-      find(std::nullopt, "", validator ? config.error().message : validator.error().message);
+      add_finding(std::nullopt, "", validator ? config.error().message : validator.error().message);
     }
   }
   if (trust_.anchor.empty() || next_ != anchor_number_) return;
   anchor_seen_ = true;
-  if (hash_of(block.header()) != anchor_hash_) find(std::nullopt, "", "it is another block than the trust anchor");
+  if (hash_of(block.header()) != anchor_hash_)
+    add_finding(std::nullopt, "", "it is another block than the trust anchor");
   // Nobody signs the first block, so what stands in the place of signatures is as the anchor has it.
   if (next_ == 0 && metadata(block, common::SIGNATURES) != anchor_signatures_)
-    find(std::nullopt, "", "its signatures are not those of the trust anchor");
+    add_finding(std::nullopt, "", "its signatures are not those of the trust anchor");
 }
 
 void ChainAudit::validate_orderers(const common::Block& block) {
   if (!orderers_) {
-    if (!orderers_missing_said_) find(std::nullopt, "", "no configuration is known: signatures cannot be validated");
+    if (!orderers_missing_said_)
+      add_finding(std::nullopt, "", "no configuration is known: signatures cannot be validated");
     orderers_missing_said_ = true;
     return;
   }
   if (const Status status = orderers_->validate(block); !status) {
-    find(std::nullopt, "", status.error().message);
+    add_finding(std::nullopt, "", status.error().message);
   } else if (has_unsigned_bytes(block)) {
-    find(std::nullopt, "", "there are bytes among its signatures that nobody has signed");
+    add_finding(std::nullopt, "", "there are bytes among its signatures that nobody has signed");
   }
 }
 
@@ -190,9 +194,9 @@ void ChainAudit::validate_transactions(const common::Block& block, std::string_v
   if (decoded) {
     add_to_report(*decoded, verdicts);
   } else if (verdicts.size() == 1 && counts_.findings == found_before) {
-    find(0, verdicts[0].tx_id, decoded.error().message);
+    add_finding(0, verdicts[0].tx_id, decoded.error().message);
   } else {
-    find(std::nullopt, "", decoded.error().message);
+    add_finding(std::nullopt, "", decoded.error().message);
   }
   if (next_ > 0) state_.apply(next_, verdicts);
   counts_.transactions += verdicts.size();
@@ -220,9 +224,9 @@ void ChainAudit::compare(const common::Block& block, const std::vector<fabric::T
     const int flag = static_cast<unsigned char>(flags[i]);
     const fabric::TransactionVerdict& verdict = verdicts[i];
     if (flag == verdict.code) continue;
-    find(i, verdict.tx_id,
-         fmt::format("its flag is {}, but it is {}{}{}", code_name(flag), code_name(verdict.code),
-                     *verdict.why == '\0' ? "" : ": ", verdict.why));
+    add_finding(i, verdict.tx_id,
+                fmt::format("its flag is {}, but it is {}{}{}", code_name(flag), code_name(verdict.code),
+                            *verdict.why == '\0' ? "" : ": ", verdict.why));
   }
 }
 
@@ -231,13 +235,13 @@ void ChainAudit::add_to_report(const fabric::Block& block, const std::vector<fab
     const fabric::Transaction& tx = block.transactions[i];
     counts_.endorsements += tx.endorsements.size();
     if (tx.code == fabric::code_unverified)
-      find(i, tx.tx_id, fmt::format("it is flagged VALID and cannot be trusted: {}", tx.problem));
+      add_finding(i, tx.tx_id, fmt::format("it is flagged VALID and cannot be trusted: {}", tx.problem));
     if (tx.config) continue;
     const auto member = members_->member(tx.creator, std::nullopt);
     const access::Caller creator = member ? access::Caller{(*member)->name, (*member)->admin}
                                           : access::Caller{{"", "nobody of the channel"}, false};
     const Status status = report_->add({block.number, i, verdicts[i].code, verdicts[i].why}, tx, creator);
-    if (!status) find(i, tx.tx_id, status.error().message);
+    if (!status) add_finding(i, tx.tx_id, status.error().message);
   }
 }
 

@@ -74,7 +74,7 @@ class ChainAudit {
 
  private:
   ChainAudit(Trust trust, TimeSpan span) : trust_(std::move(trust)), report_(std::make_unique<ChainReport>(span)) {}
-  void find(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what);
+  void add_finding(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what);
   bool follow_chain(const common::Block& block);
   void validate_orderers(const common::Block& block);
   void check_anchor(const common::Block& block);

@@ -17,7 +17,7 @@ namespace ledgerline::launcher {
 namespace {
 
 using checks::DroneInputs;
-using checks::FlightInputs;
+using checks::PreflightInputs;
 using nlohmann::json;
 
 std::string text_in(const json& object, const char* key, const std::string& otherwise) {
@@ -135,8 +135,8 @@ double path_s(const Options& options) {
 
 }  // namespace
 
-FlightInputs inputs_of(const Options& options) {
-  FlightInputs inputs;
+PreflightInputs inputs_of(const Options& options) {
+  PreflightInputs inputs;
   if (!options.own) return inputs;
   const deployment::OwnDrones& own = *options.own;
   for (const deployment::OwnDrone& one : own.drones) {
@@ -155,7 +155,7 @@ FlightInputs inputs_of(const Options& options) {
   return inputs;
 }
 
-Status check_path(const Options& options, const FlightInputs& inputs) {
+Status check_path(const Options& options, const PreflightInputs& inputs) {
   if (options.manual || !options.own) return done;
   std::vector<Eigen::Vector2d> starts;
   for (const DroneInputs& drone : inputs.drones) {
@@ -178,7 +178,7 @@ void Preflight::on_status(const std::string& line) {
   }
 }
 
-Status read_records(const std::string& line, const crypto::IdentityName& self, FlightInputs& inputs) {
+Status read_records(const std::string& line, const crypto::IdentityName& self, PreflightInputs& inputs) {
   Controls records;
   if (!is_json(line)) return Error{"no control records: " + printable(line)};
   if (auto status = parse_message(line, records); !status) return status;
@@ -223,7 +223,7 @@ bool Preflight::can_become_ready() const {
 }
 
 std::string Preflight::list() const {
-  FlightInputs inputs = inputs_;
+  PreflightInputs inputs = inputs_;
   inputs.path = check_path(options_, inputs_);
   return "Before take-off:\n" + words(assess(inputs));
 }

@@ -18,15 +18,15 @@ Status check_path(const Options& options, const link::FenceSettings& fence, cons
 
 /// What a deployment says beforehand of its own drones, none of which has been heard yet. Without drones of one's own
 /// there are none.
-checks::FlightInputs inputs_of(const Options& options);
+checks::PreflightInputs inputs_of(const Options& options);
 
 /// An error: the path would leave the fence from where the drones stand. While a drone's place is not known none is
 /// seen.
-Status check_path(const Options& options, const checks::FlightInputs& inputs);
+Status check_path(const Options& options, const checks::PreflightInputs& inputs);
 
 /// Fills in each drone's lease from a line that `ledgerline control show --json` printed of all records; a drone that
 /// is in none of them is not enrolled. `self`: who will fly. Another line is an error, and changes nothing.
-Status read_records(const std::string& line, const crypto::IdentityName& self, checks::FlightInputs& inputs);
+Status read_records(const std::string& line, const crypto::IdentityName& self, checks::PreflightInputs& inputs);
 
 /// What a person checks before a deployment's own drones take off, by link's status lines and the ledger's records. One
 /// thread.
@@ -63,7 +63,7 @@ class Preflight {
 
  private:
   Options options_;
-  checks::FlightInputs inputs_;  ///< drones in the order of the file
+  checks::PreflightInputs inputs_;  ///< drones in the order of the file
 };
 
 }  // namespace ledgerline::launcher

@@ -14,6 +14,7 @@
 #include "tools/command/verbs.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
+#include "tools/station/shell/signing.hpp"
 
 namespace {
 

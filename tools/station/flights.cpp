@@ -22,14 +22,14 @@ Status show(Station& station, bool as_json) {
   if (!events) return events.error();
   const auto now_ms = now_ms_from(*event_list);
   if (!now_ms) return now_ms.error();
-  const auto flown = flown_from(*drones, *missions, *events, *now_ms);
+  const auto flown = active_flights_from(*drones, *missions, *events, *now_ms);
   if (!flown) return flown.error();
   if (as_json) {
-    print_line(flown_json(*flown));
+    print_line(active_flights_json(*flown));
   } else if (flown->empty()) {
     print_line("Nothing is in the air, and no mission is in progress.");
   } else {
-    fmt::print("{}", aligned(flown_rows(*flown)));
+    fmt::print("{}", aligned(active_flight_rows(*flown)));
   }
   return done;
 }

@@ -13,6 +13,7 @@
 #include "tools/command/verbs.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
+#include "tools/station/shell/signing.hpp"
 
 namespace {
 

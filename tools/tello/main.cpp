@@ -17,6 +17,7 @@
 #include "tools/tello/core/calibrate/estimate.hpp"
 #include "tools/tello/core/dialogue.hpp"
 #include "tools/tello/shell/calibrate.hpp"
+#include "tools/tello/shell/preflight.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace {

@@ -47,10 +47,10 @@ json machine() {
 }
 
 /// All that was measured, with the CPU time between fly's snapshots, or until `newest` where fly has not ended.
-Metrics metrics_of(Recording& recording, const std::vector<SampleTrace>& traces, const Snapshot& newest) {
-  Metrics metrics = make_metrics(traces, recording.loop_turns());
-  metrics.damaged = recording.traces().counters();
-  if (const auto usage = recording.usage()) {
+Metrics metrics_of(TraceFolder& traces_folder, const std::vector<SampleTrace>& traces, const Snapshot& newest) {
+  Metrics metrics = make_metrics(traces, traces_folder.loop_turns());
+  metrics.damaged = traces_folder.traces().counters();
+  if (const auto usage = traces_folder.usage()) {
     const bool ended = usage->end.t_ns > usage->begin.t_ns;
     metrics.load = load_between(usage->begin, ended ? usage->end : newest);
   } else {
@@ -60,12 +60,12 @@ Metrics metrics_of(Recording& recording, const std::vector<SampleTrace>& traces,
 }
 
 int lay_open(const Options& options, const std::vector<Limit>& limits, const Snapshot& newest) {
-  Recording recording(options.directory);
-  if (auto status = recording.read_new(); !status) return fail(status.error().message);
-  for (const auto& file : recording.missing())
+  TraceFolder traces_folder(options.directory);
+  if (auto status = traces_folder.read_new(); !status) return fail(status.error().message);
+  for (const auto& file : traces_folder.missing())
     fmt::print(stderr, "timing: {} is missing: its stages are not measured\n", file);
-  const std::vector<SampleTrace> traces = recording.traces().pop();
-  const Metrics metrics = metrics_of(recording, traces, newest);
+  const std::vector<SampleTrace> traces = traces_folder.traces().pop();
+  const Metrics metrics = metrics_of(traces_folder, traces, newest);
   std::vector<Verdict> verdicts;
   for (const Limit& limit : limits) verdicts.push_back(check(limit, metrics));
   std::cout << to_table(metrics, options.threads) << to_table(verdicts);
@@ -78,7 +78,7 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
   if (written && !options.html.empty()) written = write_file(options.html, to_page(document));
   if (written && !options.perfetto.empty()) {
     std::ofstream file(options.perfetto);
-    const std::size_t left_out = write_perfetto(file, traces, recording.loop_turns());
+    const std::size_t left_out = write_perfetto(file, traces, traces_folder.loop_turns());
     file.close();
     if (!file) written = Error{"cannot write " + options.perfetto};
     if (left_out > 0)
@@ -91,22 +91,22 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
 
 /// Shows the last ten seconds repeatedly: until the flight ends, the time is over, or Ctrl-C.
 int follow(const Options& options, const std::vector<Limit>& limits) {
-  Recording recording(options.directory);
+  TraceFolder traces_folder(options.directory);
   std::deque<SampleTrace> window;
-  const auto usage = recording.usage();
+  const auto usage = traces_folder.usage();
   if (!usage) return fail("no flight to follow: " + usage.error().message);
   Snapshot before = usage->begin;
   const TimeNs until_ns = options.seconds > 0 ? monotonic_ns() + from_seconds(options.seconds) : INT64_MAX;
   while (!stop_requested && monotonic_ns() < until_ns) {
-    if (auto status = recording.read_new(); !status) return fail(status.error().message);
+    if (auto status = traces_folder.read_new(); !status) return fail(status.error().message);
     const Snapshot now = read_snapshot(usage->programs);
     if (now.threads.empty()) break;
     const TimeNs newest_ns = now.t_ns - settled_after_ns;
-    for (const SampleTrace& trace : recording.traces().pop(newest_ns)) window.push_back(trace);
+    for (const SampleTrace& trace : traces_folder.traces().pop(newest_ns)) window.push_back(trace);
     while (!window.empty() && window.front().at(Mark::sampled) < newest_ns - window_ns) window.pop_front();
-    recording.forget_turns_before(now.t_ns - window_ns);
-    Metrics metrics = make_metrics(std::vector<SampleTrace>(window.begin(), window.end()), recording.loop_turns());
-    metrics.damaged = recording.traces().counters();
+    traces_folder.forget_turns_before(now.t_ns - window_ns);
+    Metrics metrics = make_metrics(std::vector<SampleTrace>(window.begin(), window.end()), traces_folder.loop_turns());
+    metrics.damaged = traces_folder.traces().counters();
     metrics.load = load_between(before, now);
     before = now;
     std::cout << (::isatty(STDOUT_FILENO) ? "\033[H\033[J" : "") << to_table(metrics, options.threads) << std::flush;

@@ -180,7 +180,7 @@ Verdict check(const Limit& limit, const Metrics& metrics) {
   return verdict;
 }
 
-Recording::Recording(std::string directory) : directory_(std::move(directory)) {
+TraceFolder::TraceFolder(std::string directory) : directory_(std::move(directory)) {
   const auto has_trace = [](const std::string& folder) { return std::filesystem::exists(folder + "/link.trace"); };
   if (!has_trace(directory_) && has_trace(directory_ + "/run")) directory_ += "/run";
   for (const auto& [writer, name] :
@@ -194,7 +194,7 @@ Recording::Recording(std::string directory) : directory_(std::move(directory)) {
   }
 }
 
-Status Recording::read_new() {
+Status TraceFolder::read_new() {
   for (File& file : files_) {
     const std::string path = directory_ + "/" + file.name;
     if (!file.reader) {
@@ -216,7 +216,7 @@ Status Recording::read_new() {
   return done;
 }
 
-std::vector<std::string> Recording::missing() const {
+std::vector<std::string> TraceFolder::missing() const {
   std::vector<std::string> names;
   for (const File& file : files_) {
     if (!file.reader) names.push_back(directory_ + "/" + file.name);
@@ -224,11 +224,11 @@ std::vector<std::string> Recording::missing() const {
   return names;
 }
 
-void Recording::forget_turns_before(TimeNs t_ns) {
+void TraceFolder::forget_turns_before(TimeNs t_ns) {
   std::erase_if(loop_turns_, [&](const TraceRecord& r) { return r.t_ns < t_ns; });
 }
 
-Result<UsageRecord> Recording::usage() const {
+Result<UsageRecord> TraceFolder::usage() const {
   const std::string path = directory_ + "/" + usage_file;
   const auto text = read_file(path);
   if (!text) return text.error();

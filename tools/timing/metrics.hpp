@@ -134,9 +134,9 @@ std::string bars_text(const Histogram& histogram);
 /// The folder of a run (of `ledgerline fly`, or of `fault run --real`, which has fly's in `run`): link's, agent's and
 /// ground's traces and fly's record of CPU time, complete or still growing. A program that was started again during the
 /// flight has a trace of each life; of those that begin while the traces are being followed, nothing is read.
-class Recording {
+class TraceFolder {
  public:
-  explicit Recording(std::string directory);
+  explicit TraceFolder(std::string directory);
 
   /// Reads what is new in the traces. An error when a file is damaged, or link's is not there; the other two may be
   /// missing (see missing()).

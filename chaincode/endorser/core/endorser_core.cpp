@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "chaincode/node/core/tx/messages.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "peer/lifecycle/chaincode_definition.pb.h"
@@ -147,7 +148,7 @@ Status EndorserCore::apply(const fabric::Block& block, std::string_view raw) {
       ledger_.state().add_tx(transaction.tx_id, {block.number, transaction.code});
     if (valid) write(message.data().data(static_cast<int>(i)), {block.number, i});
   }
-  ledger_.add_block(node::header_hash(message.header()));
+  ledger_.add_block(fabric::header_hash(message.header()));
   return done;
 }
 

@@ -11,6 +11,7 @@
 #include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/channel_state.hpp"
 #include "peer/transaction.pb.h"
@@ -274,21 +275,21 @@ Result<PeerSnapshot> read_peer_snapshot(const PeerSnapshotFiles& files, const fa
 Result<std::string> verify_snapshot(const PeerSnapshot& reported, fabric::BlockValidator& validator,
                                     const fabric::BlockValidator::Fetch& fetch) {
   const std::uint64_t last = reported.end.height - 1;
-  if (last < validator.config())
-    return Error{
-        fmt::format("its newest block, {}, is older than config_block, which is block {}", last, validator.config())};
+  if (last < validator.config_block_number())
+    return Error{fmt::format("its newest block, {}, is older than config_block, which is block {}", last,
+                             validator.config_block_number())};
   const auto newest = fetch_whole(last, fetch);
   if (!newest) return newest.error();
-  if (newest->header().number() != last || node::header_hash(newest->header()) != reported.end.hash)
+  if (newest->header().number() != last || fabric::header_hash(newest->header()) != reported.end.hash)
     return Error{fmt::format("the peer has another block {} than the snapshot's newest: it is of another chain", last)};
   if (Status known = validator.catch_up(*newest, fetch); !known) return known.error();
   if (Status valid = validator.validate(*newest); !valid) return valid.error();
-  const auto config = fetch_whole(validator.config(), fetch);
+  const auto config = fetch_whole(validator.config_block_number(), fetch);
   if (!config) return config.error();
   if (Status valid = validator.validate(*config); !valid) return valid.error();
-  if (reported.config_block != validator.config() || reported.config != config_in(*config))
+  if (reported.config_block != validator.config_block_number() || reported.config != config_in(*config))
     return Error{fmt::format("its configuration, of block {}, is not the channel's, of block {}", reported.config_block,
-                             validator.config())};
+                             validator.config_block_number())};
   return config->SerializeAsString();
 }
 

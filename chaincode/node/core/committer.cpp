@@ -2,6 +2,7 @@
 
 #include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/check.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/transaction_validator.hpp"
 #include "msp/identities.pb.h"
@@ -64,7 +65,7 @@ CutBlock Committer::validate(OrderedBlock ordered) {
   for (const TxStatus& status : cut.transactions) flags += static_cast<char>(status.code);
   block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
   cut.bytes = block.SerializeAsString();
-  block_in_progress_ = BlockInProgress{header_hash(block.header()), std::move(writes)};
+  block_in_progress_ = BlockInProgress{fabric::header_hash(block.header()), std::move(writes)};
   return cut;
 }
 
@@ -99,7 +100,8 @@ Status Committer::check_follows(const common::Block& block, const std::string& n
     return Error{name + " is missing: there is block " + std::to_string(block.header().number()) + " in its place"};
   }
   if (block.header().previous_hash() != end.hash) return Error{name + " does not follow the block before it"};
-  if (block.header().data_hash() != data_hash(block.data())) return Error{name + ": its data does not match its hash"};
+  if (block.header().data_hash() != fabric::data_hash(block.data()))
+    return Error{name + ": its data does not match its hash"};
   if (block.metadata().metadata_size() <= common::TRANSACTIONS_FILTER ||
       block.metadata().metadata(common::TRANSACTIONS_FILTER).size() !=
           static_cast<std::size_t>(block.data().data_size())) {
@@ -134,7 +136,7 @@ Status Committer::replay(std::string_view bytes) {
     const auto tx = static_cast<std::size_t>(i);
     replay_transaction(block.data().data(i), {number, tx}, static_cast<unsigned char>(flags[tx]));
   }
-  ledger_.add_block(header_hash(block.header()));
+  ledger_.add_block(fabric::header_hash(block.header()));
   ++counts_.blocks;
   return done;
 }

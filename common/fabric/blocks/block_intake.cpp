@@ -308,11 +308,12 @@ std::optional<TimeNs> BlockIntake::came_ns(const Block& block) const {
 }
 
 void BlockIntake::validate_transactions(const common::Block& message, Block& block) {
-  if (validator_->config() != configured_ && validator_->config() != block.number) configure();
+  if (validator_->config_block_number() != configured_ && validator_->config_block_number() != block.number)
+    configure();
   // Nobody orders the first block.
   if (block.number == 0) return;
   apply_verdicts(fabric::validate_transactions(message, *state_, *members_, rules_), block);
-  if (validator_->config() != configured_) configure();
+  if (validator_->config_block_number() != configured_) configure();
 }
 
 void BlockIntake::apply_verdicts(const std::vector<TransactionVerdict>& verdicts, Block& block) {

@@ -119,10 +119,7 @@ Result<Block> decode_block(const common::Block& block) {
   out.number = block.header().number();
   out.previous_hash = block.header().previous_hash();
   out.data_hash = block.header().data_hash();
-  std::string entries;
-  for (const std::string& entry : block.data().data()) entries += entry;
-  const crypto::Digest digest = crypto::sha256(entries);
-  if (out.data_hash != std::string_view(reinterpret_cast<const char*>(digest.data()), digest.size())) {
+  if (out.data_hash != fabric::data_hash(block.data())) {
     return Error{fmt::format("block {}: its data does not match its data hash", out.number)};
   }
   const auto count = static_cast<std::size_t>(block.data().data_size());
@@ -175,6 +172,13 @@ std::string_view flags_of(const common::Block& block) {
 
 std::string header_hash(const common::BlockHeader& header) {
   return block_header_hash(header.number(), header.previous_hash(), header.data_hash());
+}
+
+std::string data_hash(const common::BlockData& data) {
+  std::string all;
+  for (const std::string& envelope : data.data()) all += envelope;
+  const crypto::Digest digest = crypto::sha256(all);
+  return {digest.begin(), digest.end()};
 }
 
 ChainCheck ChainCheck::behind(std::uint64_t number, std::string hash) {

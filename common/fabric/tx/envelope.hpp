@@ -51,5 +51,7 @@ Result<Block> decode_block(const common::Block& block);
 std::string_view flags_of(const common::Block& block);
 /// block_header_hash of it.
 std::string header_hash(const common::BlockHeader& header);
+/// SHA-256 over all envelopes, one behind the other: what the header says of them.
+std::string data_hash(const common::BlockData& data);
 
 }  // namespace ledgerline::fabric

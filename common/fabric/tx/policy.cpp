@@ -11,7 +11,7 @@ namespace {
 
 constexpr int max_depth = 16;  // of rules within rules; ours have two
 
-bool matches(const common::MSPPrincipal& principal, const Endorser& endorser) {
+bool matches(const common::MSPPrincipal& principal, const PolicySigner& endorser) {
   common::MSPRole role;
   if (principal.principal_classification() != common::MSPPrincipal::ROLE ||
       !role.ParseFromString(principal.principal()) || role.msp_identifier() != endorser.msp_id) {
@@ -23,7 +23,7 @@ bool matches(const common::MSPPrincipal& principal, const Endorser& endorser) {
 
 /// `used`: who counts already.
 bool holds(const common::SignaturePolicyEnvelope& policy, const common::SignaturePolicy& rule,
-           const std::vector<Endorser>& endorsers, std::vector<bool>& used, int depth) {
+           const std::vector<PolicySigner>& endorsers, std::vector<bool>& used, int depth) {
   if (depth > max_depth) return false;
   if (rule.has_n_out_of()) {
     int held = 0;
@@ -70,14 +70,14 @@ std::string policy_of(const std::string& msp_id, common::MSPRole::MSPRoleType ty
 std::string peer_policy(const std::string& msp_id) { return policy_of(msp_id, common::MSPRole::PEER); }
 std::string member_policy(const std::string& msp_id) { return policy_of(msp_id, common::MSPRole::MEMBER); }
 
-bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers) {
+bool satisfies(std::string_view policy, const std::vector<PolicySigner>& endorsers) {
   common::SignaturePolicyEnvelope envelope;
   if (!parse(envelope, policy)) return false;
   std::vector<bool> used(endorsers.size(), false);
   return holds(envelope, envelope.rule(), endorsers, used, 0);
 }
 
-bool satisfies(const Policy& policy, const std::vector<Endorser>& endorsers) {
+bool satisfies(const Policy& policy, const std::vector<PolicySigner>& endorsers) {
   const auto satisfied = std::count_if(policy.parts.begin(), policy.parts.end(),
                                        [&](const std::string& part) { return satisfies(part, endorsers); });
   return static_cast<std::size_t>(satisfied) >= policy.needed;

@@ -16,12 +16,12 @@ namespace {
 constexpr std::size_t max_configs = 1'000;  // since the anchor, at once; a channel has a few in a year
 
 /// What the orderers signed beside the header.
-struct Signed {
+struct OrdererMetadata {
   common::Metadata metadata;
   std::uint64_t last_config = 0;
 };
-Result<Signed> read_signed(const common::Block& block) {
-  Signed out;
+Result<OrdererMetadata> read_orderer_metadata(const common::Block& block) {
+  OrdererMetadata out;
   common::OrdererBlockMetadata value;
   if (block.metadata().metadata_size() <= common::SIGNATURES ||
       !out.metadata.ParseFromString(block.metadata().metadata(common::SIGNATURES)) || out.metadata.signatures().empty())
@@ -32,11 +32,11 @@ Result<Signed> read_signed(const common::Block& block) {
 }
 
 /// Members of the orderers' organisations who signed, each once.
-std::vector<Endorser> signers_of(const common::Block& block, const common::Metadata& metadata,
-                                 crypto::MspRegistry& orderers) {
+std::vector<PolicySigner> signers_of(const common::Block& block, const common::Metadata& metadata,
+                                     crypto::MspRegistry& orderers) {
   const common::BlockHeader& header = block.header();
   const std::string bytes = block_header_bytes(header.number(), header.previous_hash(), header.data_hash());
-  std::vector<Endorser> signers;
+  std::vector<PolicySigner> signers;
   std::set<std::string> known;
   for (const common::MetadataSignature& signature : metadata.signatures()) {
     common::SignatureHeader who;
@@ -52,9 +52,9 @@ std::vector<Endorser> signers_of(const common::Block& block, const common::Metad
   return signers;
 }
 
-Status check_signatures(const common::Block& block, const Signed& said, const ChannelConfig& config,
+Status check_signatures(const common::Block& block, const OrdererMetadata& signed_part, const ChannelConfig& config,
                         crypto::MspRegistry& orderers) {
-  const std::vector<Endorser> signers = signers_of(block, said.metadata, orderers);
+  const std::vector<PolicySigner> signers = signers_of(block, signed_part.metadata, orderers);
   if (satisfies(config.block_validation, signers)) return done;
   return Error{
       fmt::format("its orderers' signatures do not satisfy the channel's policy ({} of them count)", signers.size())};
@@ -114,35 +114,36 @@ Status BlockValidator::validate(const common::Block& block) {
                                                        : wrong("it is not the configuration that is known");
   LEDGERLINE_CHECK(orderers_, "blocks are validated by a configuration that is known", number);
   if (number < config_.block) return wrong("it is older than the configuration that is known");
-  const auto said = read_signed(block);
-  if (!said) return wrong(said.error().message);
-  if (Status status = check_signatures(block, *said, config_, *orderers_); !status)
+  const auto signed_part = read_orderer_metadata(block);
+  if (!signed_part) return wrong(signed_part.error().message);
+  if (Status status = check_signatures(block, *signed_part, config_, *orderers_); !status)
     return wrong(status.error().message);
   if (is_config(block)) return follow(block);
-  if (said->last_config == config_.block) return done;
-  return wrong(
-      fmt::format("the channel was reconfigured in block {}, and block {} is known", said->last_config, config_.block));
+  if (signed_part->last_config == config_.block) return done;
+  return wrong(fmt::format("the channel was reconfigured in block {}, and block {} is known", signed_part->last_config,
+                           config_.block));
 }
 
 bool BlockValidator::is_signed(const common::Block& block) const {
   LEDGERLINE_CHECK(orderers_, "signatures are checked by a configuration that is known");
-  const auto said = read_signed(block);
-  return said && check_signatures(block, *said, config_, *orderers_);
+  const auto signed_part = read_orderer_metadata(block);
+  return signed_part && check_signatures(block, *signed_part, config_, *orderers_);
 }
 
 Status BlockValidator::catch_up(const common::Block& newest, const Fetch& fetch) {
-  const auto said = read_signed(newest);
+  const auto signed_part = read_orderer_metadata(newest);
   const std::uint64_t height = newest.header().number();
-  if (!said)
-    return height <= config_.block ? Status(done) : Error{fmt::format("block {}: {}", height, said.error().message)};
-  if (said->last_config > height)
-    return Error{fmt::format("block {} names a later configuration, {}", height, said->last_config)};
+  if (!signed_part)
+    return height <= config_.block ? Status(done)
+                                   : Error{fmt::format("block {}: {}", height, signed_part.error().message)};
+  if (signed_part->last_config > height)
+    return Error{fmt::format("block {} names a later configuration, {}", height, signed_part->last_config)};
   // Back from the newest: each block before a config block says which one came before that.
   struct Step {
     common::Block before, config;
   };
   std::vector<Step> steps;
-  std::uint64_t number = said->last_config;
+  std::uint64_t number = signed_part->last_config;
   while (number > config_.block) {
     if (steps.size() == max_configs) return Error{"the channel was configured too often since the trust anchor"};
     auto config = fetch(number);
@@ -151,7 +152,7 @@ Status BlockValidator::catch_up(const common::Block& newest, const Fetch& fetch)
     if (!before) return before.error();
     std::uint64_t earlier = config_.block;
     if (number - 1 > config_.block) {
-      const auto signed_before = read_signed(*before);
+      const auto signed_before = read_orderer_metadata(*before);
       if (!signed_before) return Error{fmt::format("block {}: {}", number - 1, signed_before.error().message)};
       earlier = signed_before->last_config;
     }

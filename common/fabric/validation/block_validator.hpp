@@ -46,7 +46,7 @@ class BlockValidator {
   Status catch_up(const common::Block& block, const Fetch& fetch);
 
   /// Number of the config block that counts.
-  std::uint64_t config() const { return config_.block; }
+  std::uint64_t config_block_number() const { return config_.block; }
   const ChannelConfig& channel_config() const { return config_; }
   /// Of everybody in the channel, by that configuration.
   std::unique_ptr<crypto::MspRegistry> make_members() const { return make_registry_(everybody(config_)); }

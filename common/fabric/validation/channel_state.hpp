@@ -50,7 +50,7 @@ class ChannelState {
   virtual std::optional<std::string> likely_policy(const KeyName&) const { return std::nullopt; }
   /// Whether the endorsers of the newest write of the key are all among these, and no policy has changed since: then
   /// these satisfy the key's policy, which need not be known.
-  virtual bool have_sufficed(const KeyName&, const std::vector<Endorser>&) const { return false; }
+  virtual bool have_sufficed(const KeyName&, const std::vector<PolicySigner>&) const { return false; }
   /// Whether its readers go by a count or stamp in its value: a write that comes a second time tells them nothing.
   virtual bool is_of_hot_path(const KeyName&) const { return false; }
   /// Whether all keys of a namespace from `start` up to `end` (empty: all behind) are known.

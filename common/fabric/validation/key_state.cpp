@@ -38,11 +38,11 @@ std::optional<std::string> KeyState::likely_policy(const KeyName& name) const {
   return asked ? part_->rules.likely_policy(name.key) : std::nullopt;
 }
 
-bool KeyState::have_sufficed(const KeyName& name, const std::vector<Endorser>& endorsers) const {
+bool KeyState::have_sufficed(const KeyName& name, const std::vector<PolicySigner>& endorsers) const {
   const auto found = keys_.find(name);
   if (found == keys_.end() || found->second.policies != policies_) return false;
-  const std::vector<Endorser>& then = found->second.sufficed;
-  return !then.empty() && std::all_of(then.begin(), then.end(), [&](const Endorser& one) {
+  const std::vector<PolicySigner>& then = found->second.sufficed;
+  return !then.empty() && std::all_of(then.begin(), then.end(), [&](const PolicySigner& one) {
     return std::find(endorsers.begin(), endorsers.end(), one) != endorsers.end();  // an identity is there once
   });
 }
@@ -200,7 +200,7 @@ void KeyState::learn(const KeyName& name, const kvrwset::KVRead& read, const std
   if (found.there) found.key.version = {read.version().block_num(), read.version().tx_num()};
 }
 
-void KeyState::learn_from_endorsers(const NamespaceSet& part, const std::vector<Endorser>& endorsers,
+void KeyState::learn_from_endorsers(const NamespaceSet& part, const std::vector<PolicySigner>& endorsers,
                                     std::uint64_t policies) {
   const auto common = policy_of(part.name, part.collection);
   const bool too_few = common && !satisfies(*common, endorsers);

@@ -140,7 +140,7 @@ class KeyState final : public ChannelState {
   bool whole() const override { return !part_; }
   Completeness known(const KeyName& name) const override;
   std::optional<std::string> likely_policy(const KeyName& name) const override;
-  bool have_sufficed(const KeyName& name, const std::vector<Endorser>& endorsers) const override;
+  bool have_sufficed(const KeyName& name, const std::vector<PolicySigner>& endorsers) const override;
   bool is_of_hot_path(const KeyName& name) const override;
   bool knows_range(const std::string& name, const std::string& start, const std::string& end) const override;
   void walk(const std::string& name, const std::string& start,
@@ -160,9 +160,9 @@ class KeyState final : public ChannelState {
     Key key;
     bool there = true;  ///< else it is known that it is not; of a part alone
     Completeness known{};
-    std::vector<Endorser> sufficed{};  ///< of the newest write that counted; of a part alone
-    std::uint64_t policies = 0;        ///< policies_ before that write's block
-    KeyUse::Slot slot{};               ///< of a part alone
+    std::vector<PolicySigner> sufficed{};  ///< of the newest write that counted; of a part alone
+    std::uint64_t policies = 0;            ///< policies_ before that write's block
+    KeyUse::Slot slot{};                   ///< of a part alone
   };
   bool follows(const NamespaceSet& part) const;
   /// `writer`: MSP id of whose transaction it is in; of a part alone.
@@ -175,7 +175,8 @@ class KeyState final : public ChannelState {
   void learn(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range, const std::string& reader);
   /// Of a transaction that counts: where its endorsements are too few for keys that have no policy of their own, a key
   /// has that which it is likely to have.
-  void learn_from_endorsers(const NamespaceSet& part, const std::vector<Endorser>& endorsers, std::uint64_t policies);
+  void learn_from_endorsers(const NamespaceSet& part, const std::vector<PolicySigner>& endorsers,
+                            std::uint64_t policies);
   void write(const NamespaceSet& part, Version version, const std::string& writer);
   void write(const KeyName& name, const KeyEffect& effect, Version version, const std::string& writer);
   void record_id(std::uint64_t block, const TransactionVerdict& verdict, std::optional<TimeNs> now);

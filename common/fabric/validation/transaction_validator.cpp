@@ -44,7 +44,7 @@ class TransactionValidator {
     verdict.code = form.code;
     // A malformed result is reported only after a used id and a malformed header extension.
     const bool formed = form.code == protos::VALID || form.code == protos::BAD_RESPONSE_PAYLOAD;
-    if (!formed) return refuse(std::move(verdict), form.code, "its form or its creator's signature is wrong");
+    if (!formed) return refuse(std::move(verdict), form.code, "its form or its creator's signature is failure");
     if (form.channel_header.channel_id() != rules_.channel)
       return refuse(std::move(verdict), protos::TARGET_CHAIN_NOT_FOUND, "it is of another channel");
     if (form.config) return verdict;
@@ -55,8 +55,8 @@ class TransactionValidator {
     ReadWriteSet sets;
     unknown_ = false;
     flagged_ = reported.has_value();
-    const Wrong wrong = endorsed(form, sets, verdict.endorsements_verified, verdict.endorsers);
-    if (wrong.code != protos::VALID) return refuse(std::move(verdict), wrong.code, wrong.why, reported);
+    const Failure failure = endorsed(form, sets, verdict.endorsements_verified, verdict.endorsers);
+    if (failure.code != protos::VALID) return refuse(std::move(verdict), failure.code, failure.why, reported);
     if (unknown_ && is_of_endorsement(reported)) return refuse_by_flag(std::move(verdict), *reported, std::move(sets));
     if (reported == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
       overlay_.add_possible_policies(sets);
@@ -83,7 +83,7 @@ class TransactionValidator {
   }
 
  private:
-  struct Wrong {
+  struct Failure {
     int code = protos::VALID;
     const char* why = "";
   };
@@ -148,9 +148,9 @@ class TransactionValidator {
   }
 
   /// Who has endorsed, each once, until those found are enough: nothing follows from more of them.
-  std::vector<Endorser> endorsers_of(const TransactionForm& form, std::vector<bool>& verified,
-                                     const std::function<bool(const std::vector<Endorser>&)>& are_enough) {
-    std::vector<Endorser> found;
+  std::vector<PolicySigner> endorsers_of(const TransactionForm& form, std::vector<bool>& verified,
+                                         const std::function<bool(const std::vector<PolicySigner>&)>& are_enough) {
+    std::vector<PolicySigner> found;
     std::set<std::string> known;
     for (const protos::Endorsement& endorsement : form.endorsements) {
       const auto member = members_.member(endorsement.endorser(), std::nullopt);
@@ -169,7 +169,7 @@ class TransactionValidator {
   }
 
   /// That header and result are of one contract.
-  static Wrong check_contract(const protos::ChaincodeHeaderExtension& called, const protos::ChaincodeAction& result) {
+  static Failure check_contract(const protos::ChaincodeHeaderExtension& called, const protos::ChaincodeAction& result) {
     if (!called.has_chaincode_id() || !result.has_chaincode_id())
       return {protos::INVALID_OTHER_REASON, "it names no contract"};
     const std::string& name = called.chaincode_id().name();
@@ -179,7 +179,7 @@ class TransactionValidator {
   }
 
   /// An event that names another contract would reach readers under a false name.
-  Wrong check_event(const TransactionForm& form, const std::string& contract) const {
+  Failure check_event(const TransactionForm& form, const std::string& contract) const {
     if (form.action.events().empty()) return {};
     protos::ChaincodeEvent event;
     if (!event.ParseFromString(form.action.events()) || event.chaincode_id() != contract)
@@ -189,8 +189,8 @@ class TransactionValidator {
     return {};
   }
 
-  Wrong endorsed(const TransactionForm& form, ReadWriteSet& sets, std::vector<bool>& verified,
-                 std::vector<Endorser>& endorsers) {
+  Failure endorsed(const TransactionForm& form, ReadWriteSet& sets, std::vector<bool>& verified,
+                   std::vector<PolicySigner>& endorsers) {
     protos::ChaincodeHeaderExtension called;
     if (!called.ParseFromString(form.channel_header.extension()))
       return {protos::BAD_HEADER_EXTENSION, "its header extension is malformed"};
@@ -198,14 +198,14 @@ class TransactionValidator {
     sets = read_sets(form.action.results());
     if (sets.code == protos::BAD_RWSET) return {sets.code, "what it read and wrote is malformed"};
     const std::string& contract = called.chaincode_id().name();
-    if (const Wrong wrong = check_contract(called, form.action); wrong.code != protos::VALID) return wrong;
-    if (const Wrong wrong = check_event(form, contract); wrong.code != protos::VALID) return wrong;
+    if (const Failure failure = check_contract(called, form.action); failure.code != protos::VALID) return failure;
+    if (const Failure failure = check_event(form, contract); failure.code != protos::VALID) return failure;
     if (sets.code != protos::VALID) return {sets.code, "it names a namespace twice"};
     std::set<std::string> namespaces{contract};
     for (const NamespaceSet& part : sets.parts) {
       if (part.writes()) namespaces.insert(part.name);
     }
-    endorsers = endorsers_of(form, verified, [&](const std::vector<Endorser>& found) {
+    endorsers = endorsers_of(form, verified, [&](const std::vector<PolicySigner>& found) {
       unknown_ = false;
       return std::all_of(namespaces.begin(), namespaces.end(),
                          [&](const std::string& name) { return satisfies_policies(name, sets, found); }) &&
@@ -227,7 +227,7 @@ class TransactionValidator {
   bool may_confirm(const std::string& name) const { return flagged_ || !state_.policy_is_unverified(name); }
 
   bool satisfies_policy_of(const std::string& name, const std::string& collection,
-                           const std::vector<Endorser>& endorsers) {
+                           const std::vector<PolicySigner>& endorsers) {
     const auto policy = state_.policy_of(name, collection);
     if (policy && satisfies(*policy, endorsers) && (state_.whole() || may_confirm(name))) return true;
     if (state_.whole() || (policy && !state_.policy_is_unverified(name))) return false;
@@ -237,7 +237,8 @@ class TransactionValidator {
 
   /// Fabric's rule: a key with a policy of its own needs what that says, the others what their namespace's or
   /// collection's says; so does a transaction that writes nothing.
-  bool satisfies_policies(const std::string& name, const ReadWriteSet& sets, const std::vector<Endorser>& endorsers) {
+  bool satisfies_policies(const std::string& name, const ReadWriteSet& sets,
+                          const std::vector<PolicySigner>& endorsers) {
     bool any = false;
     for (const NamespaceSet& part : sets.parts) {
       if (part.name != name) continue;

@@ -26,8 +26,8 @@ struct TransactionVerdict {
   std::string creator_msp{};        ///< of a creator who signed
   /// Of each endorsement, as far as they were looked at: it is a member's. Once they are enough, no further one is.
   std::vector<bool> endorsements_verified{};
-  std::vector<Endorser> endorsers{};  ///< likewise, each once
-  ReadWriteSet sets{};                ///< of a valid one, or of one that is invalid by its flag alone
+  std::vector<PolicySigner> endorsers{};  ///< likewise, each once
+  ReadWriteSet sets{};                    ///< of a valid one, or of one that is invalid by its flag alone
 };
 
 struct ValidationRules {

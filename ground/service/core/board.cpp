@@ -46,18 +46,18 @@ double sigma_of(const StateSample& state) {
   return state.pose_stamp_ns != 0 ? std::sqrt(state.pose_variance[0] + state.pose_variance[1]) : 0;
 }
 
-json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
-  const FlightStatus& status = core.status(i);
-  const IntakeState& seen = core.intake(i);
-  const Lease& lease = core.lease(i);
+json drone_json(TimeNs now, const FlightView& flights, std::size_t i) {
+  const FlightStatus& status = flights.status(i);
+  const IntakeState& seen = flights.intake(i);
+  const Lease& lease = flights.lease(i);
   const StateSample& state = seen.state;
   const bool placed = seen.has_state && state.pose_stamp_ns != 0;
   const TimeNs since_ns = now - seen.received_ns;
-  const auto& task = core.drones()[i].task;
-  const double limit_mps = std::min(status.limit_mps, task ? task->speed_mps : core.config().controller.speed_mps);
+  const auto& task = flights.drones()[i].task;
+  const double limit_mps = std::min(status.limit_mps, task ? task->speed_mps : flights.config().controller.speed_mps);
   json drone{
-      {"name", core.drones()[i].name},
-      {"channel", core.channel_of(i)},
+      {"name", flights.drones()[i].name},
+      {"channel", flights.channel_of(i)},
       {"phase", name_of(status.phase)},
       {"why", why_of(status, lease)},
       {"has_state", seen.has_state},
@@ -84,14 +84,14 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
       {"lease",
        {{"holder", text_or_none(lease.holder)},
         {"commander", text_or_none(lease.commander)},
-        {"ours", lease.commander == core.config().self},
+        {"ours", lease.commander == flights.config().self},
         {"epoch", lease.epoch}}}};
   const double sigma_m = sigma_of(state);
   drone["sigma_m"] = sigma_m > 0 ? json(sigma_m) : json();
   drone["predicted"] = nullptr;
-  if (const PathController* own = core.controller(i); own && placed && status.phase == GroundPhase::path) {
+  if (const PathController* own = flights.controller(i); own && placed && status.phase == GroundPhase::path) {
     const Eigen::Vector3d ahead =
-        own->predictor().until(state.stamp_ns + since_ns + core.delay_ns()).effect().position_m;
+        own->predictor().until(state.stamp_ns + since_ns + flights.delay_ns()).effect().position_m;
     drone["predicted"] = {ahead.x(), ahead.y(), ahead.z()};
   }
   return drone;
@@ -119,31 +119,31 @@ constexpr Level level_of(FailsafeMode mode, FailsafeCause cause) {
 
 }  // namespace
 
-std::optional<std::string> Board::changed_paths(const FlightView& core) {
-  const std::size_t count = core.drones().size();
+std::optional<std::string> Board::changed_paths(const FlightView& flights) {
+  const std::size_t count = flights.drones().size();
   bool changed = paths_.size() != count;
   paths_.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
-    if (paths_[i] == core.status(i).planned) continue;
-    paths_[i] = core.status(i).planned;
+    if (paths_[i] == flights.status(i).planned) continue;
+    paths_[i] = flights.status(i).planned;
     changed = true;
   }
   if (!changed) return std::nullopt;
   json all = json::object();
-  for (std::size_t i = 0; i < count; ++i) all[core.drones()[i].name] = paths_[i];
+  for (std::size_t i = 0; i < count; ++i) all[flights.drones()[i].name] = paths_[i];
   return all.dump();
 }
 
-std::string Board::drones(TimeNs now, const FlightView& core) {
+std::string Board::drones(TimeNs now, const FlightView& flights) {
   json all = json::array();
-  for (std::size_t i = 0; i < core.drones().size(); ++i) all.push_back(drone_json(now, core, i));
+  for (std::size_t i = 0; i < flights.drones().size(); ++i) all.push_back(drone_json(now, flights, i));
   // A subject of somebody's certificate may be no UTF-8.
   return ground::json::dump(all);
 }
 
-std::string Board::state_message(TimeNs now, const FlightView& core, const std::string& drones) {
+std::string Board::state_message(TimeNs now, const FlightView& flights, const std::string& drones) {
   return fmt::format(R"({{"op":"state","t_ms":{:.1f},"delay_ms":{:.1f},"drones":{}}})", to_ms(now),
-                     to_ms(core.delay_ns()), drones);
+                     to_ms(flights.delay_ns()), drones);
 }
 
 Event Board::make_event(TimeNs now, Level level, const std::string& drone, std::string text) {
@@ -154,16 +154,16 @@ void Board::add(TimeNs now, Level level, const std::string& drone, std::string t
   events.push_back(make_event(now, level, drone, std::move(text)));
 }
 
-void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vector<Event>& events) {
-  const std::string& name = core.drones()[i].name;
-  const FlightStatus& status = core.status(i);
-  const StateSample& state = core.intake(i).state;
-  const Lease& lease = core.lease(i);
+void Board::update(TimeNs now, const FlightView& flights, std::size_t i, std::vector<Event>& events) {
+  const std::string& name = flights.drones()[i].name;
+  const FlightStatus& status = flights.status(i);
+  const StateSample& state = flights.intake(i).state;
+  const Lease& lease = flights.lease(i);
   Before& before = before_[i];
   if (std::exchange(before.phase, status.phase) != status.phase) {
     // Landed because the ledger brings nothing of it: no failsafe's event comes, either.
-    const bool is_silent =
-        status.phase == GroundPhase::landing && now - core.intake(i).received_ns > core.config().limits.silence_ns;
+    const bool is_silent = status.phase == GroundPhase::landing &&
+                           now - flights.intake(i).received_ns > flights.config().limits.silence_ns;
     const bool failed = status.phase == GroundPhase::failed || is_silent;
     const Level level = failed ? Level::alarm : status.why.empty() ? Level::info : Level::warning;
     add(now, level, name, name_of(status.phase) + (status.why.empty() ? "" : ": " + status.why), events);
@@ -172,9 +172,9 @@ void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vecto
   if (std::exchange(before.reached, reached) != reached)
     add(now, reached ? Level::info : Level::alarm, name, reached ? "link reaches it" : "link does not reach it",
         events);
-  if (now - core.intake(i).received_ns <= core.config().limits.alarm_silence_ns) {
+  if (now - flights.intake(i).received_ns <= flights.config().limits.alarm_silence_ns) {
     if (std::exchange(before.silent, false)) add(now, Level::info, name, "states come again", events);
-  } else if (is_aloft(core, i) && !std::exchange(before.silent, true)) {
+  } else if (is_aloft(flights, i) && !std::exchange(before.silent, true)) {
     add(now, Level::alarm, name, "no state comes through the ledger: it holds, and lands by its failsafe", events);
   }
   const bool other_mode = std::exchange(before.mode, state.mode) != state.mode;
@@ -215,13 +215,13 @@ void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vecto
   }
 }
 
-std::vector<Event> Board::update(TimeNs now, const FlightView& core, const std::vector<std::string>& notes) {
+std::vector<Event> Board::update(TimeNs now, const FlightView& flights, const std::vector<std::string>& notes) {
   std::vector<Event> events;
-  before_.resize(core.drones().size());
-  for (std::size_t i = 0; i < before_.size(); ++i) update(now, core, i, events);
+  before_.resize(flights.drones().size());
+  for (std::size_t i = 0; i < before_.size(); ++i) update(now, flights, i, events);
   for (const std::string& note : notes) {
     const std::size_t end = note.find(": ");
-    const bool of_drone = end != std::string::npos && index_of(core.drones(), std::string_view(note).substr(0, end));
+    const bool of_drone = end != std::string::npos && index_of(flights.drones(), std::string_view(note).substr(0, end));
     if (of_drone)
       add(now, Level::warning, note.substr(0, end), note.substr(end + 2), events);
     else

@@ -80,18 +80,18 @@ class Refusals {
 /// looks. Deterministic; one thread.
 class Board {
  public:
-  /// Events since the look before: phases, failsafe, lease, stops, and the core's notes.
-  std::vector<Event> update(TimeNs now, const FlightView& core, const std::vector<std::string>& notes);
+  /// Events since the look before: phases, failsafe, lease, stops, and the flights's notes.
+  std::vector<Event> update(TimeNs now, const FlightView& flights, const std::vector<std::string>& notes);
   /// An event of the station itself.
   Event make_event(TimeNs now, Level level, const std::string& drone, std::string text);
   /// Events of calls that did not get through.
   std::vector<Event> refusals(TimeNs now, Refusals& refusals);
   /// [DRONE...] of docs/station.md.
-  static std::string drones(TimeNs now, const FlightView& core);
+  static std::string drones(TimeNs now, const FlightView& flights);
   /// {"tello1":[[x,y,z]...]}: what each drone flies or will; nothing where no path has changed since the last one.
-  std::optional<std::string> changed_paths(const FlightView& core);
+  std::optional<std::string> changed_paths(const FlightView& flights);
   /// {"op":"state", ...} around drones().
-  static std::string state_message(TimeNs now, const FlightView& core, const std::string& drones);
+  static std::string state_message(TimeNs now, const FlightView& flights, const std::string& drones);
 
  private:
   static constexpr double uncertain_m = 0.5;  ///< three sigma of a position, where it is first warned of
@@ -104,7 +104,7 @@ class Board {
     std::string stoppers;
     double warn_at_m = uncertain_m;  ///< three sigma of its position that is warned of next
   };
-  void update(TimeNs now, const FlightView& core, std::size_t drone, std::vector<Event>& events);
+  void update(TimeNs now, const FlightView& flights, std::size_t drone, std::vector<Event>& events);
   void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);
 
   std::vector<Before> before_;

@@ -147,12 +147,12 @@ void MissionBook::set_findings(const std::string& id, std::vector<mission::Findi
 
 Status MissionBook::may_fly(const Entry& entry, const mission::Mission& part,
                             const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                            const FlightView& core) const {
+                            const FlightView& flights) const {
   for (const mission::MissionDrone& one : part.drones) {
-    const auto drone = index_of(core.drones(), one.drone);
+    const auto drone = index_of(flights.drones(), one.drone);
     if (!drone) continue;  // a finding
-    const Lease& lease = core.lease(*drone);
-    if (lease.holder != whose(by) || lease.commander != core.config().self) {
+    const Lease& lease = flights.lease(*drone);
+    if (lease.holder != whose(by) || lease.commander != flights.config().self) {
       return Error{fmt::format("{}: its lease is {}: take control of it first", one.drone,
                                lease.holder ? "held by " + holder_words(lease) : "nobody's")};
     }
@@ -167,7 +167,7 @@ Status MissionBook::may_fly(const Entry& entry, const mission::Mission& part,
       std::ranges::find_if(checked.findings, [](const mission::Finding& finding) { return finding.forbids; });
   if (forbids != checked.findings.end()) return Error{forbids->words};
   for (const mission::DroneNow& then : checked.then) {
-    const mission::DroneNow now = mission::drone_now(core, *index_of(core.drones(), then.name));
+    const mission::DroneNow now = mission::drone_now(flights, *index_of(flights.drones(), then.name));
     const bool moved = then.at_m.has_value() != now.at_m.has_value() ||
                        (now.at_m && (*now.at_m - *then.at_m).norm() > settings_.check.start_near_m);
     if (moved || then.phase != now.phase)
@@ -186,15 +186,15 @@ Status MissionBook::apply_request(const std::string& id, const Say& say) {
 }
 
 Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                          const FlightView& core) {
+                          const FlightView& flights) {
   return apply_request(id, [&](Entry& entry) -> Status {
     if (const Status allowed = may(by, entry); !allowed) return allowed;
-    if (!core.config().manual) return Error{"this flight flies a path of its own"};
+    if (!flights.config().manual) return Error{"this flight flies a path of its own"};
     if (entry.run->phase() >= RunPhase::done) return Error{flown(entry.run->mission().name, id)};
     set_findings(id, checked.findings);
     // What is missing is said first: one that is flown already is not where it was checked.
     if (entry.run->phase() < RunPhase::taking_off) {
-      if (const Status may = may_fly(entry, entry.run->mission(), by, checked, core); !may) return may;
+      if (const Status may = may_fly(entry, entry.run->mission(), by, checked, flights); !may) return may;
     }
     if (const Status started = entry.run->start(checked.findings); !started) return started;
     entry.by = by;
@@ -210,10 +210,10 @@ Status MissionBook::pause(const std::string& id, const std::optional<crypto::Ide
 }
 
 Status MissionBook::resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                           const FlightView& core) {
+                           const FlightView& flights) {
   return apply_request(id, [&](Entry& entry) -> Status {
     if (const Status allowed = may(by, entry); !allowed) return allowed;
-    if (const Status may = may_fly(entry, entry.run->rest(), by, checked, core); !may) return may;
+    if (const Status may = may_fly(entry, entry.run->rest(), by, checked, flights); !may) return may;
     return entry.run->resume();
   });
 }
@@ -222,10 +222,10 @@ Status MissionBook::land(const std::string& id, const std::string& why) {
   return apply_request(id, [&](const Entry& entry) { return entry.run->end(why); });
 }
 
-void MissionBook::resume_after_check(const std::string& id, const Checked& checked, const FlightView& core) {
+void MissionBook::resume_after_check(const std::string& id, const Checked& checked, const FlightView& flights) {
   Entry* entry = find(id);
   if (entry == nullptr || !entry->run->awaits_check()) return;
-  entry->run->resume_after_check(may_fly(*entry, entry->run->rest(), entry->by, checked, core));
+  entry->run->resume_after_check(may_fly(*entry, entry->run->rest(), entry->by, checked, flights));
   changed_ = entry->stirred = true;
 }
 
@@ -235,11 +235,11 @@ bool MissionBook::busy() const {
 
 // A drone that its starter holds no more, or that we do not command, is lost for its mission, whatever it does.
 std::vector<mission::DroneNow> MissionBook::drones_for(const Entry& entry, std::vector<mission::DroneNow> drones,
-                                                       const FlightView& core) const {
+                                                       const FlightView& flights) const {
   for (std::size_t i = 0; i < drones.size(); ++i) {
-    const Lease& lease = core.lease(i);
+    const Lease& lease = flights.lease(i);
     // Without a record nothing is known yet: after a restart it is waited for.
-    if (!lease.record || (lease.holder == whose(entry.by) && lease.commander == core.config().self)) continue;
+    if (!lease.record || (lease.holder == whose(entry.by) && lease.commander == flights.config().self)) continue;
     drones[i].phase = GroundPhase::failed;
     drones[i].on_ground = true;  // it is not ours to land
     drones[i].why = "its lease is " + (lease.holder ? "held by " + holder_words(lease) : "nobody's");
@@ -247,12 +247,12 @@ std::vector<mission::DroneNow> MissionBook::drones_for(const Entry& entry, std::
   return drones;
 }
 
-MissionBook::Outputs MissionBook::step(TimeNs now, const FlightView& core) {
-  const std::vector<mission::DroneNow> drones = mission::drones_now(core);
+MissionBook::Outputs MissionBook::step(TimeNs now, const FlightView& flights) {
+  const std::vector<mission::DroneNow> drones = mission::drones_now(flights);
   Outputs out;
   for (auto& [id, entry] : missions_) {
     if (!entry.stirred && !entry.run->active()) continue;
-    mission::RunOutputs made = entry.run->step(now, drones_for(entry, drones, core));
+    mission::RunOutputs made = entry.run->step(now, drones_for(entry, drones, flights));
     entry.stirred = entry.run->landing_due();
     for (PilotCommand& command : made.commands) {
       command.by = entry.by;

@@ -54,14 +54,14 @@ class MissionBook {
   /// The operator who starts it must hold all of its drones. No other mission may fly one of them, and each must still
   /// be where it was checked.
   Status start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-               const FlightView& core);
+               const FlightView& flights);
   Status pause(const std::string& id, const std::optional<crypto::IdentityName>& by);
   /// Its owner must still hold the drones that are left. `checked`: rest().
   Status resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                const FlightView& core);
+                const FlightView& flights);
   Status land(const std::string& id, const std::string& why);
   /// One of Outputs::awaiting_check; `checked`: rest(). It goes on as resume() would have it, or hovers and says why.
-  void resume_after_check(const std::string& id, const Checked& checked, const FlightView& core);
+  void resume_after_check(const std::string& id, const Checked& checked, const FlightView& flights);
 
   struct Outputs {
     std::vector<PilotCommand> commands;
@@ -71,7 +71,7 @@ class MissionBook {
     std::vector<std::string> awaiting_check;  ///< ids of those that a restart has found in the air, once each
   };
   /// Behind FlightCore's step.
-  Outputs step(TimeNs now, const FlightView& core);
+  Outputs step(TimeNs now, const FlightView& flights);
   /// Whether step() has anything to do.
   bool busy() const;
 
@@ -112,9 +112,9 @@ class MissionBook {
   Status may(const std::optional<crypto::IdentityName>& by, const Entry& entry) const;
   /// What speaks against flying these drones of it now.
   Status may_fly(const Entry& entry, const mission::Mission& part, const std::optional<crypto::IdentityName>& by,
-                 const Checked& checked, const FlightView& core) const;
+                 const Checked& checked, const FlightView& flights) const;
   std::vector<mission::DroneNow> drones_for(const Entry& entry, std::vector<mission::DroneNow> drones,
-                                            const FlightView& core) const;
+                                            const FlightView& flights) const;
   nlohmann::json json_of(const std::string& id, const Entry& entry) const;
 
   MissionSettings settings_;

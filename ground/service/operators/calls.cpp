@@ -64,7 +64,7 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
   return as_call(lease);
 }
 
-Status check_key(const KeyState& key, OperatorCall::Kind kind) {
+Status check_key(const OperatorKeyState& key, OperatorCall::Kind kind) {
   if (key.unlocked && (!key.left || kind == OperatorCall::Kind::release)) return done;
   return Error{"the session is over"};
 }

@@ -44,14 +44,14 @@ std::string words_of(const OperatorCall& call);
 fabric::Call contract_call(const OperatorCall& call, const std::string& drone, const crypto::IdentityName& commander);
 
 /// Whose key an operator's call would be signed with, at that moment.
-struct KeyState {
+struct OperatorKeyState {
   bool unlocked = false;
   bool left = false;  ///< his session is over, and what he holds is being given back
 };
 
 /// The error says why a call that has waited for its turn is not signed. For one who has left nothing is signed but
 /// that he gives back: what he asked for before would outlive him.
-Status check_key(const KeyState& key, OperatorCall::Kind kind);
+Status check_key(const OperatorKeyState& key, OperatorCall::Kind kind);
 
 /// Whether ground clears its own stop of that drone behind an operator's clear_stop that ended so: the contract had
 /// nothing of his to clear there. One whose role is revoked is refused as a whole, and clears nothing.

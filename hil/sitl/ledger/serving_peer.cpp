@@ -328,7 +328,7 @@ bool ServingPeer::tamper_data(PeerTampering tampering, common::Block& block) {
 
 /// A chain that leaves the ledger's behind: with its transactions, but for the commands.
 ServingPeer::BlockPtr ServingPeer::forked(PeerTampering tampering, std::uint64_t wanted) {
-  if (!fork_ || fork_->first != wanted) fork_.emplace(wanted, node::header_hash(at(wanted - 1)->header()));
+  if (!fork_ || fork_->first != wanted) fork_.emplace(wanted, fabric::header_hash(at(wanted - 1)->header()));
   std::vector<std::string> envelopes;
   for (const std::string& one : at(wanted)->data().data()) {
     if (!is_command(one)) envelopes.push_back(one);
@@ -336,7 +336,7 @@ ServingPeer::BlockPtr ServingPeer::forked(PeerTampering tampering, std::uint64_t
   auto block = std::make_shared<common::Block>(node::make_block({wanted, fork_->second}, envelopes));
   if (tampering == PeerTampering::forks) (void)node::sign_block(*block, keys_.peer);
   block->mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::string(envelopes.size(), protos::VALID));
-  fork_.emplace(wanted + 1, node::header_hash(block->header()));
+  fork_.emplace(wanted + 1, fabric::header_hash(block->header()));
   return block;
 }
 

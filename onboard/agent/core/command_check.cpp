@@ -88,7 +88,6 @@ void CommandCheck::check_commands(TimeNs now, std::int64_t now_s, const fabric::
   const verification::Match match = verification::match_command({tx.function, tx.args}, tx.event_payload, call);
   if (match == verification::Match::altered) return refuse_altered(tx, std::move(call), out);
   if (match == verification::Match::malformed) {
-    ++malformed_commands_;
     out.refused.push_back({.why = RefusalReason::malformed});
     return;
   }

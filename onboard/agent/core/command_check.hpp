@@ -66,7 +66,6 @@ class CommandCheck {
   const Counters& counters(DroneNumber number) const;
   std::uint64_t height() const { return chain_.height(); }
   std::uint64_t broken_blocks() const { return broken_blocks_; }
-  std::uint64_t malformed_commands() const { return malformed_commands_; }            ///< of no drone, therefore
   std::uint64_t unverified_transactions() const { return unverified_transactions_; }  ///< of anybody
 
  private:
@@ -95,7 +94,7 @@ class CommandCheck {
   TransactionCheck transactions_;
   ControlCheck control_;
   fabric::ChainCheck chain_;
-  std::uint64_t broken_blocks_ = 0, malformed_commands_ = 0, unverified_transactions_ = 0;
+  std::uint64_t broken_blocks_ = 0, unverified_transactions_ = 0;
 };
 
 }  // namespace ledgerline::agent

@@ -137,7 +137,7 @@ Status Agent::turn() {
 bool Agent::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
 
 void Agent::run_periodic_tasks(TimeNs now) {
-  if (settings_.status_period_ns > 0 && restart_if_due(now, next_status_ns_, settings_.status_period_ns)) {
+  if (settings_.status_period_ns > 0 && advance_if_due(now, next_status_ns_, settings_.status_period_ns)) {
     const auto days = certificates_ ? std::optional(certificates_->days_left()) : std::nullopt;
     for (const Slot& slot : channels_) {
       if (slot.up()) slot.shell->write_status(now, days);  // else another thread has it

@@ -36,7 +36,7 @@ struct RecordsRead {
 /// The roles of organisations that a record has named since, or why they cannot be read yet.
 struct RolesRead {
   verification::Organisations organisations;
-  Result<verification::Roles> roles;
+  Result<verification::RoleTable> roles;
 };
 /// The records as another organisation's peer reports them, or why it does not.
 struct SecondReading {
@@ -106,7 +106,8 @@ void raise_priority(int priority, const char* thread);
 
 /// Follows the ledger for the core of one channel: gives it the first records, by the checkpoint or as they are read,
 /// then each block in its order; compares the records with another organisation's; keeps the checkpoint. The client's
-/// threads hand over through the mailbox. All methods are the loop's.
+/// threads hand over through the mailbox. All methods but the constructor's and reach() are
+/// the loop's.
 class LedgerFollower {
  public:
   /// What it refers to must outlive it.

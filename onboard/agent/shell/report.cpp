@@ -60,7 +60,7 @@ json violations(const AgentCore& core) {
 
 }  // namespace
 
-bool restart_if_due(TimeNs now, TimeNs& next, TimeNs period_ns) {
+bool advance_if_due(TimeNs now, TimeNs& next, TimeNs period_ns) {
   if (now < next) return false;
   next = now + period_ns;
   return true;
@@ -87,7 +87,7 @@ void AgentLog::plan_lost(const Plan& plan) const {
 
 void AgentLog::refusals(const AgentOutputs& out) {
   for (const TraceRecord& record : out.traces) {
-    if (record.kind != TraceKind::refused || !restart_if_due(record.t_ns, next_refusal_ns_, log_gap_ns)) continue;
+    if (record.kind != TraceKind::refused || !advance_if_due(record.t_ns, next_refusal_ns_, log_gap_ns)) continue;
     const auto why = static_cast<RefusalReason>(record.extra);
     spdlog::warn("{}drone {}: command {} refused: {}{}", label_, record.drone, record.id, refusal_name(why),
                  why == RefusalReason::broken_chain ? ": " + core_.last_chain_error() : std::string());
@@ -119,10 +119,10 @@ void AgentLog::evictions(const AgentOutputs& out) const {
 }
 
 void AgentLog::outcome(const fabric::Outcome& outcome) {
-  if (!outcome.unheard.empty() && restart_if_due(monotonic_ns(), next_unheard_ns_, unheard_gap_ns))
+  if (!outcome.unheard.empty() && advance_if_due(monotonic_ns(), next_unheard_ns_, unheard_gap_ns))
     spdlog::warn("{}a call was endorsed by less than all peers that were asked: {}", label_, outcome.unheard);
   if (outcome.kind == fabric::Outcome::Kind::committed) return;
-  if (!restart_if_due(monotonic_ns(), next_outcome_ns_, log_gap_ns)) return;
+  if (!advance_if_due(monotonic_ns(), next_outcome_ns_, log_gap_ns)) return;
   spdlog::warn("{}a call did not get through (block {}, code {}): {}", label_, outcome.block, outcome.code,
                outcome.message);
 }

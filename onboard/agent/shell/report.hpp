@@ -14,7 +14,7 @@ std::string status_line(const AgentCore& core, const std::string& channel, TimeN
                         std::optional<std::int64_t> certificate_days = {});
 
 /// True when `now` is at or beyond `next`, which then moves on to a period from now.
-bool restart_if_due(TimeNs now, TimeNs& next, TimeNs period_ns);
+bool advance_if_due(TimeNs now, TimeNs& next, TimeNs period_ns);
 
 /// What a channel's core says in the log. Of one kind of message one a second goes out where there may be many.
 class AgentLog {

@@ -118,12 +118,12 @@ void AgentShell::step_and_act() {
 }
 
 void AgentShell::run_periodic_tasks(TimeNs now) {
-  if (restart_if_due(now, next_clock_ns_, clock_period_ns)) {
+  if (advance_if_due(now, next_clock_ns_, clock_period_ns)) {
     mocap_.clock().refresh();
     core_.set_real_offset(mocap_.clock().offset_ns());
     log_.lost_transitions();
   }
-  if (restart_if_due(now, next_checkpoint_ns_, fabric::CheckpointWriter::usual_period_ns)) ledger_.store_checkpoint();
+  if (advance_if_due(now, next_checkpoint_ns_, fabric::CheckpointWriter::usual_period_ns)) ledger_.store_checkpoint();
 }
 
 void AgentShell::write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const {

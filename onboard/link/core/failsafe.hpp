@@ -89,16 +89,17 @@ struct FailsafeRow {
 ///   │ │        rested                  ▼         land_after: FS-05       │ │ │
 ///   │ └────────────────────────────── brake ─────────────────────────────┘ │ │
 ///   ├──▶ stale state, lost pose, velocity: 06, 07, 15, 19, 37, 44, 48      │ │ cut asked for by name, or it
-///   └──▶ stop, battery, fence, tilt, dark: 02 to 04, 13, 14, 17, 18, 43, 47 ┘ ▼ lies overturned: FS-01, FS-16
+///   └──▶ stop, battery, fence, tilt, dark: 02-04, 13, 14, 17, 18, 43, 47, 67┘ ▼ lies overturned: FS-01, FS-16
 ///                                                                            cut ──▶ none, on the ground
 ///
 /// none: the plan is flown, clipped at the fence and kept apart from other drones. hold: ramp to zero, and hover.
 /// brake: the same with twice the deceleration, and the plans in hand are dropped. land: until it is on the ground.
 /// cut: motors off.
 ///
-/// By weight: of the rows that apply the first one decides. It stays in force until its clear condition holds; before
-/// that only a row of a heavier mode takes over. Rows that land are looked at from take-off to the ground and while the
-/// drone may be airborne without state, the others while it flies.
+/// By weight: of the rows that apply the first one decides (FS-13 stands last: without contact no other applies). It
+/// stays in force until its clear condition holds; before that only a row of a heavier mode takes over. Rows that land
+/// are looked at from take-off to the ground and while the drone may be airborne without state, the others while it
+/// flies.
 extern const std::array<FailsafeRow, 26> failsafe_table;
 
 /// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is

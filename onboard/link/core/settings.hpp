@@ -51,9 +51,9 @@ struct SessionSettings {
   int handshakes = 3;
   TimeNs zero_gap_ns = 100 * ns_per_ms;  ///< between two zeros meanwhile: with 60 % lost, 92 % hear one of five
   /// Between two `land` or `emergency`, each behind a `command` and a zero: twice as often as to a drone that is seen.
-  TimeNs blind_repeat_ns = 500 * ns_per_ms;
+  TimeNs lost_link_repeat_ns = 500 * ns_per_ms;
   /// Longer than a take-off, which ignores `land` (4 s); with 60 % lost, 99.8 % hear one of twelve.
-  TimeNs blind_land_for_ns = 6 * ns_per_s;
+  TimeNs lost_link_land_for_ns = 6 * ns_per_s;
   /// Then nothing: longer than the 15 s after which a Tello lands by itself plus what the network may delay. Shorter
   /// would hold a drone in the air that hears everything but `land`; longer makes a user who switches a drone on after
   /// link wait for as long (ground waits 30 s for a drone).

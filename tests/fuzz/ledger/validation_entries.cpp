@@ -1,4 +1,5 @@
 #include "common/fabric/blocks/block_intake.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/common/fabric/validation/validated_channel.hpp"
@@ -82,7 +83,7 @@ class Transactions : public ValidatedChannel {
     return all;
   }
   common::Block sealed_block(const std::vector<std::string>& envelopes) const {
-    common::Block block = node::make_block({1, node::header_hash(first_block_.header())}, envelopes);
+    common::Block block = node::make_block({1, fabric::header_hash(first_block_.header())}, envelopes);
     (void)node::sign_block(block, orderer_);
     block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
                                            std::string(envelopes.size(), static_cast<char>(protos::VALID)));

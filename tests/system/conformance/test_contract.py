@@ -250,7 +250,7 @@ def test_two_operators_hand_a_drone_over(enroll, admin, operator):
     words = f"Org2MSP {to['to']['subject']}"
     assert pilot.refusal("request", "shared") == "shared: nobody holds the lease; acquire it"
     operator.submit("acquire", "shared", "priority=7")
-    assert operator.refusal("hand_over", to).startswith(f"shared: {words} has not requested it, or is not granted it any more")
+    assert operator.refusal("hand_over", to).startswith(f"shared: {words} has not requested it; it may request it")
     pilot.submit("request", "shared", "priority=3")
     operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("shared")]})
     operator.submit("deny", to)

@@ -37,7 +37,7 @@ bool lacks_velocity(std::optional<FailsafeCause> cause) {
   return cause == FailsafeCause::velocity_lost || cause == FailsafeCause::height_lost;
 }
 
-Finding assess_mocap(const FlightInputs& inputs, const DroneInputs& drone) {
+Finding assess_mocap(const PreflightInputs& inputs, const DroneInputs& drone) {
   constexpr const char* check = "pose";
   const std::string from =
       inputs.pose_topic.empty() ? inputs.pose_source : pose_topic_of(inputs.pose_topic, drone.name);
@@ -56,7 +56,7 @@ Finding assess_mocap(const FlightInputs& inputs, const DroneInputs& drone) {
   return pose.rate_hz && *pose.rate_hz < good_pose_hz ? flag(Problem::pose_rare, check, what) : fine(check, what);
 }
 
-Finding assess_odometry(const FlightInputs& inputs, const DroneInputs& drone) {
+Finding assess_odometry(const PreflightInputs& inputs, const DroneInputs& drone) {
   constexpr const char* check = "pose";
   const std::string by = fmt::format("by onboard odometry ({})", inputs.pose_source);
   const auto cause = cause_of(drone);
@@ -68,7 +68,7 @@ Finding assess_odometry(const FlightInputs& inputs, const DroneInputs& drone) {
   return fine(check, fmt::format("{}: {:.2f}, {:.2f}, {:.2f} m", by, at_m[0], at_m[1], at_m[2]));
 }
 
-Findings assess_pose(const FlightInputs& inputs, const DroneInputs& drone) {
+Findings assess_pose(const PreflightInputs& inputs, const DroneInputs& drone) {
   if (inputs.pose_source == "none") return {fine("pose", "none: it is flown by hand")};
   const auto source = from_name<link::PoseSource>(inputs.pose_source);
   if (!source || !link::uses_mocap(*source)) return {assess_odometry(inputs, drone)};
@@ -138,7 +138,7 @@ std::optional<Finding> assess_refusal(const DroneInputs& drone) {
   return flag(Problem::takeoff_refused, check, drone.refusal, *advice);
 }
 
-Findings assess(const FlightInputs& inputs, const DroneInputs& drone) {
+Findings assess(const PreflightInputs& inputs, const DroneInputs& drone) {
   Findings out{assess_presence(drone)};
   const auto add_one = [&](std::optional<Finding> one) {
     if (one) out.push_back(std::move(*one));
@@ -164,7 +164,7 @@ bool is_outside(const link::FenceSettings& fence, const std::array<double, 3>& a
 }
 
 /// Of a drone whose position becomes too uncertain before its path's end.
-std::optional<Finding> assess_drift(const FlightInputs& inputs) {
+std::optional<Finding> assess_drift(const PreflightInputs& inputs) {
   const link::FenceSettings& f = inputs.link.fence;
   const double width_m = std::min(f.max_m[0] - f.min_m[0], f.max_m[1] - f.min_m[1]);
   for (const link::DroneSettings& drone : inputs.link.drones) {
@@ -178,7 +178,7 @@ std::optional<Finding> assess_drift(const FlightInputs& inputs) {
   return std::nullopt;
 }
 
-Finding assess_fence(const FlightInputs& inputs) {
+Finding assess_fence(const PreflightInputs& inputs) {
   constexpr const char* check = "fence";
   const link::FenceSettings& f = inputs.link.fence;
   const std::string box = fmt::format("x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} m", f.min_m[0], f.max_m[0],
@@ -195,7 +195,7 @@ Finding assess_fence(const FlightInputs& inputs) {
 }
 
 // Of several drones: only in one frame do a fence and distances mean anything.
-std::optional<Finding> assess_frames(const FlightInputs& inputs) {
+std::optional<Finding> assess_frames(const PreflightInputs& inputs) {
   constexpr const char* check = "frame";
   const DroneInputs* first = nullptr;
   for (const DroneInputs& drone : inputs.drones) {
@@ -210,7 +210,7 @@ std::optional<Finding> assess_frames(const FlightInputs& inputs) {
   return fine(check, fmt::format("\"{}\", taken as map: x east, y north, z up", first->pose->frame));
 }
 
-Finding assess_clocks(const FlightInputs& inputs) {
+Finding assess_clocks(const PreflightInputs& inputs) {
   for (const DroneInputs& drone : inputs.drones) {
     if (!inputs.stamps_count || !drone.pose || !drone.pose->delay_ms) continue;
     const double delay_ms = *drone.pose->delay_ms;
@@ -281,7 +281,7 @@ std::optional<Finding> assess_state(const DroneInputs& drone, const std::string&
   return *drone.state_hz < good_state_hz ? flag(Problem::state_rare, check, rate) : fine(check, rate);
 }
 
-Findings assess(const FlightInputs& inputs) {
+Findings assess(const PreflightInputs& inputs) {
   Findings all;
   for (const DroneInputs& drone : inputs.drones) add(all, assess(inputs, drone));
   if (auto frames = assess_frames(inputs)) all.push_back(std::move(*frames));

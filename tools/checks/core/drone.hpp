@@ -54,7 +54,7 @@ struct LedgerInputs {
   std::string what{};           ///< which it is, or why it was not reached
 };
 
-struct FlightInputs {
+struct PreflightInputs {
   std::vector<DroneInputs> drones;
   link::LinkSettings link;   ///< fence and limits that drones fly with
   std::string pose_source;   ///< "mocap", or another one that link knows
@@ -70,6 +70,6 @@ struct FlightInputs {
 
 /// Before a take-off: each drone's lines in the order of the inputs, then those of all. A drone that is not there has
 /// nothing else to report than that, and its lease.
-Findings assess(const FlightInputs& inputs);
+Findings assess(const PreflightInputs& inputs);
 
 }  // namespace ledgerline::checks

@@ -251,8 +251,8 @@ constexpr std::size_t max_tried = 12;
 
 using Names = std::vector<std::string>;
 
-std::vector<fabric::Endorser> signers(const EndorsementInputs& inputs) {
-  std::vector<fabric::Endorser> all;
+std::vector<fabric::PolicySigner> signers(const EndorsementInputs& inputs) {
+  std::vector<fabric::PolicySigner> all;
   std::set<std::string> known;
   for (const EndorsingPeer& one : inputs.peers)
     if (one.why.empty() && known.insert(one.identity).second)
@@ -260,14 +260,14 @@ std::vector<fabric::Endorser> signers(const EndorsementInputs& inputs) {
   return all;
 }
 
-bool would_do(const EndorsementInputs& inputs, std::vector<fabric::Endorser> signed_by, const Names& further) {
+bool would_do(const EndorsementInputs& inputs, std::vector<fabric::PolicySigner> signed_by, const Names& further) {
   for (const std::string& msp_id : further)
     signed_by.push_back({.msp_id = msp_id, .peer = true, .identity = "a peer of " + msp_id});
   return fabric::satisfies(inputs.policy, signed_by);
 }
 
 /// The smallest sets of further organisations whose signatures would do; empty: not even those of all.
-std::vector<Names> missing_sets(const EndorsementInputs& inputs, const std::vector<fabric::Endorser>& signed_by) {
+std::vector<Names> missing_sets(const EndorsementInputs& inputs, const std::vector<fabric::PolicySigner>& signed_by) {
   Names absent;
   for (const std::string& msp_id : inputs.organisations)
     if (std::none_of(signed_by.begin(), signed_by.end(), [&](const auto& one) { return one.msp_id == msp_id; }))
@@ -326,9 +326,9 @@ std::string who_signed_not(const EndorsementInputs& inputs) {
 
 Finding assess(const EndorsementInputs& inputs) {
   constexpr const char* check = "endorsement";
-  const std::vector<fabric::Endorser> signed_by = signers(inputs);
+  const std::vector<fabric::PolicySigner> signed_by = signers(inputs);
   std::set<std::string> organisations;
-  for (const fabric::Endorser& one : signed_by) organisations.insert(one.msp_id);
+  for (const fabric::PolicySigner& one : signed_by) organisations.insert(one.msp_id);
   const std::string signs = organisations.empty() ? "nobody" : fmt::format("{}", fmt::join(organisations, ", "));
   const std::string what = fmt::format("{}: {}: endorsed by {}", inputs.program, inputs.what, signs);
   if (fabric::satisfies(inputs.policy, signed_by)) return fine(check, what);

@@ -310,8 +310,8 @@ std::map<std::string, double> takeoffs_of(const std::vector<ShownEvent>& events)
 
 }  // namespace
 
-Result<std::vector<Flown>> flown_from(std::string_view drones, std::string_view missions,
-                                      const std::vector<ShownEvent>& events, double t_ms) {
+Result<std::vector<ActiveFlight>> active_flights_from(std::string_view drones, std::string_view missions,
+                                                      const std::vector<ShownEvent>& events, double t_ms) {
   const auto takeoffs = takeoffs_of(events);
   std::map<std::string, json> flying;
   const auto read = read_answer<bool>(drones, "drones", [&](const json& answer) {
@@ -331,12 +331,12 @@ Result<std::vector<Flown>> flown_from(std::string_view drones, std::string_view 
     return first_ms ? std::optional((t_ms - *first_ms) / 1e3) : std::nullopt;
   };
   std::set<std::string> taken;
-  auto all = read_answer<std::vector<Flown>>(missions, "missions", [&](const json& answer) {
-    std::vector<Flown> found;
+  auto all = read_answer<std::vector<ActiveFlight>>(missions, "missions", [&](const json& answer) {
+    std::vector<ActiveFlight> found;
     for (const json& mission : answer.at("missions")) {
       const std::string phase = text_at(mission, "phase");
       if (!under_way(phase)) continue;
-      Flown one{.what = "mission", .mission = text_at(mission, "id"), .name = text_at(mission, "name")};
+      ActiveFlight one{.what = "mission", .mission = text_at(mission, "id"), .name = text_at(mission, "name")};
       for (const json& name : mission.at("drones")) one.drones.push_back(text_of(name));
       taken.insert(one.drones.begin(), one.drones.end());
       one.phase = phase + (mission.at("paused").get<bool>() ? ", paused" : "");
@@ -347,7 +347,7 @@ Result<std::vector<Flown>> flown_from(std::string_view drones, std::string_view 
     return found;
   });
   if (!all) return all;
-  return read_answer<std::vector<Flown>>(drones, "drones", [&](const json&) {
+  return read_answer<std::vector<ActiveFlight>>(drones, "drones", [&](const json&) {
     for (const auto& [name, drone] : flying) {
       if (taken.contains(name)) continue;
       const std::string phase = text_at(drone, "phase"), by = text_at(drone.at("lease"), "holder");
@@ -363,9 +363,9 @@ Result<std::vector<Flown>> flown_from(std::string_view drones, std::string_view 
   });
 }
 
-Rows flown_rows(const std::vector<Flown>& flown) {
+Rows active_flight_rows(const std::vector<ActiveFlight>& flown) {
   Rows rows{{"flown", "drones", "phase", "since", "by"}};
-  for (const Flown& one : flown) {
+  for (const ActiveFlight& one : flown) {
     rows.push_back({one.what == "mission" ? fmt::format("mission {} ({})", one.name, one.mission) : "by " + one.what,
                     fmt::format("{}", fmt::join(one.drones, ", ")), one.phase,
                     one.since_s ? fmt::format("{:.0f} s", *one.since_s) : "-", one.by.empty() ? "-" : one.by});
@@ -373,9 +373,9 @@ Rows flown_rows(const std::vector<Flown>& flown) {
   return rows;
 }
 
-std::string flown_json(const std::vector<Flown>& flown) {
+std::string active_flights_json(const std::vector<ActiveFlight>& flown) {
   json all = json::array();
-  for (const Flown& one : flown) {
+  for (const ActiveFlight& one : flown) {
     json row{{"what", one.what}, {"drones", one.drones}, {"phase", one.phase}, {"by", one.by}};
     if (one.what == "mission") row.update({{"mission", one.mission}, {"name", one.name}});
     row["since_s"] = one.since_s ? json(*one.since_s) : json();

@@ -74,7 +74,7 @@ Result<double> now_ms_from(std::string_view body);
 std::string event_line(const ShownEvent& event, const std::string& time);
 
 /// What is in the air, and the missions in progress.
-struct Flown {
+struct ActiveFlight {
   std::string what{};     ///< "mission", "path" or "hand"
   std::string mission{};  ///< its id, of a mission
   std::string name{};     ///< its name
@@ -84,9 +84,9 @@ struct Flown {
   std::optional<double> since_s{};  ///< from the first take-off; nothing: longer ago than the events that are kept
 };
 /// Of GET drones, GET missions and GET events; `t_ms`: ground's clock now.
-Result<std::vector<Flown>> flown_from(std::string_view drones, std::string_view missions,
-                                      const std::vector<ShownEvent>& events, double t_ms);
-Rows flown_rows(const std::vector<Flown>& flown);
-std::string flown_json(const std::vector<Flown>& flown);  ///< {"flights":[...]}
+Result<std::vector<ActiveFlight>> active_flights_from(std::string_view drones, std::string_view missions,
+                                                      const std::vector<ShownEvent>& events, double t_ms);
+Rows active_flight_rows(const std::vector<ActiveFlight>& flown);
+std::string active_flights_json(const std::vector<ActiveFlight>& flown);  ///< {"flights":[...]}
 
 }  // namespace ledgerline::station

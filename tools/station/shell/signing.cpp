@@ -1,3 +1,4 @@
+#include "tools/station/shell/signing.hpp"
 
 #include <fmt/format.h>
 
@@ -13,7 +14,6 @@
 #include "common/rt/clock.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "tools/station/core/show.hpp"
-#include "tools/station/shell/options.hpp"
 
 namespace ledgerline::station {
 namespace {

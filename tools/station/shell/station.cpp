@@ -1,4 +1,4 @@
-#include "tools/station/shell/options.hpp"
+#include "tools/station/shell/station.hpp"
 
 #include <fmt/format.h>
 

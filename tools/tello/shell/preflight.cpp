@@ -1,4 +1,4 @@
-#include "tools/tello/shell/calibrate.hpp"
+#include "tools/tello/shell/preflight.hpp"
 
 #include <fmt/format.h>
 
@@ -75,7 +75,7 @@ struct Side {
   link::Descriptor states;
 };
 
-Status query_all(std::map<std::string, Side>& sides, checks::FlightInputs& inputs) {
+Status query_all(std::map<std::string, Side>& sides, checks::PreflightInputs& inputs) {
   for (auto& [interface, side] : sides) {
     if (auto status = query(side.asked, interface); !status) return status;
     for (std::size_t i = 0; i < side.indices.size(); ++i) {
@@ -100,7 +100,7 @@ void forget_what_waits(const link::Descriptor& states) {
 }
 
 Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, const PreflightOptions& options,
-              checks::FlightInputs& inputs) {
+              checks::PreflightInputs& inputs) {
   std::vector<Reception> reception(inputs.drones.size());
   for (const auto& [interface, side] : sides) forget_what_waits(side.states);
   for (Poses& of_one : poses)
@@ -148,7 +148,7 @@ class OwnFolder {
 };
 
 // By a program of its own, so that this one is without gRPC's threads.
-Status read_records(const PreflightOptions& options, checks::FlightInputs& inputs) {
+Status read_records(const PreflightOptions& options, checks::PreflightInputs& inputs) {
   const deployment::OwnLedger& network = *options.flight.own->network;
   const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();
@@ -173,7 +173,7 @@ Status read_records(const PreflightOptions& options, checks::FlightInputs& input
   return launcher::read_records(records, self->name, inputs);
 }
 
-void query_ledger(const PreflightOptions& options, checks::FlightInputs& inputs) {
+void query_ledger(const PreflightOptions& options, checks::PreflightInputs& inputs) {
   if (!options.flight.own->network) return;
   const Status status = read_records(options, inputs);
   inputs.ledger.state = status ? checks::LedgerInputs::State::reached : checks::LedgerInputs::State::failed;
@@ -182,9 +182,9 @@ void query_ledger(const PreflightOptions& options, checks::FlightInputs& inputs)
 
 }  // namespace
 
-Result<checks::FlightInputs> probe_flight(const PreflightOptions& options) {
+Result<checks::PreflightInputs> probe_flight(const PreflightOptions& options) {
   catch_stop_signals();
-  checks::FlightInputs inputs = launcher::inputs_of(options.flight);
+  checks::PreflightInputs inputs = launcher::inputs_of(options.flight);
   query_ledger(options, inputs);  // first: it starts a process, and DDS starts threads
   std::map<std::string, Side> sides;
   for (std::size_t i = 0; i < inputs.drones.size(); ++i) {

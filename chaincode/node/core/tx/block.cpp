@@ -6,6 +6,7 @@
 #include "common/base/check.hpp"
 #include "common/configtx.pb.h"
 #include "common/configuration.pb.h"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/policy.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/policies.pb.h"
@@ -83,23 +84,13 @@ void add_organisation(common::ConfigGroup& to, const crypto::MspRoot& organisati
 
 }  // namespace
 
-std::string header_hash(const common::BlockHeader& header) {
-  return fabric::block_header_hash(header.number(), header.previous_hash(), header.data_hash());
-}
-
-std::string data_hash(const common::BlockData& data) {
-  std::string all;
-  for (const std::string& envelope : data.data()) all += envelope;
-  return to_string(crypto::sha256(all));
-}
-
 common::Block make_block(const ChainEnd& end, const std::vector<std::string>& envelopes) {
   common::Block block;
   for (const std::string& envelope : envelopes) block.mutable_data()->add_data(envelope);
   common::BlockHeader& header = *block.mutable_header();
   header.set_number(end.height);
   header.set_previous_hash(end.hash);
-  header.set_data_hash(data_hash(block.data()));
+  header.set_data_hash(fabric::data_hash(block.data()));
   for (int i = 0; i <= common::COMMIT_HASH; ++i) block.mutable_metadata()->add_metadata();
   return block;
 }
@@ -116,7 +107,7 @@ Status sign_block(common::Block& block, const crypto::SigningIdentity& orderer) 
   common::SignatureHeader signer;
   signer.set_creator(orderer.serialized);
   // A nonce has to differ from block to block and to repeat with the same input; the header's hash does both.
-  signer.set_nonce(header_hash(block.header()).substr(0, 24));
+  signer.set_nonce(fabric::header_hash(block.header()).substr(0, 24));
   common::MetadataSignature& signature = *signatures.add_signatures();
   signature.set_signature_header(signer.SerializeAsString());
   auto bytes = orderer.signer->sign(signatures.value() + signature.signature_header() + header);

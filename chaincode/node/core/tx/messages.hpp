@@ -48,11 +48,6 @@ std::string make_envelope(const ProposalParts& proposal, const std::string& resp
 /// The part of a transaction's read-write set that is the contract's own.
 kvrwset::KVRWSet set_of(const fabric::ReadWriteSet& sets, const std::string& contract);
 
-/// What the next block names.
-std::string header_hash(const common::BlockHeader& header);
-/// SHA-256 over all envelopes, one behind the other.
-std::string data_hash(const common::BlockData& data);
-
 /// Where a chain ends, and so what the next block follows.
 struct ChainEnd {
   std::uint64_t height = 0;

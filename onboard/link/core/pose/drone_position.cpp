@@ -67,7 +67,7 @@ void DronePosition::on_state(TimeNs now, const TelloState& state, LinkPhase phas
   watch_flow(now, state, phase == LinkPhase::flying, sent);
   drone_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
   TelloState usable = state;
-  usable.has_velocity = state.has_velocity && !flow_watch_.is_blind();
+  usable.has_velocity = state.has_velocity && !flow_watch_.is_dark();
   odometry_.on_state(now, usable, stands);
   for (const PadSettings& pad : pads_) {
     if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
@@ -110,7 +110,7 @@ TimeNs DronePosition::dark_since_ns(TimeNs now) const noexcept {
   // it either: as if motion capture were missing.
   const TimeNs alone_ns = alone_since_ns(now), outruns_ns = motion_watch_.outruns_since_ns();
   const TimeNs unheld_ns = alone_ns == 0 || outruns_ns == 0 ? alone_ns + outruns_ns : std::min(alone_ns, outruns_ns);
-  return flow_watch_.is_blind() && unheld_ns != 0 ? std::max(flow_watch_.since_ns(), unheld_ns) : 0;
+  return flow_watch_.is_dark() && unheld_ns != 0 ? std::max(flow_watch_.since_ns(), unheld_ns) : 0;
 }
 
 void DronePosition::check_sources(TimeNs now, const TelloState& state, bool flying) noexcept {

@@ -105,7 +105,7 @@ class FlowWatch {
   void update(TimeNs now, const TelloState& state, const Inputs& inputs) noexcept;
   void reset() noexcept { *this = {}; }
   /// It is suspected to see nothing.
-  bool is_blind() const noexcept { return since_ns_ != 0; }
+  bool is_dark() const noexcept { return since_ns_ != 0; }
   TimeNs since_ns() const noexcept { return since_ns_; }  ///< 0: it sees, as far as is known
 
  private:

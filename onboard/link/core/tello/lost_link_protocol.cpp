@@ -64,13 +64,13 @@ LostLinkProtocol::Due LostLinkProtocol::advance_seeking(TimeNs now, bool may_be_
 
 LostLinkProtocol::Due LostLinkProtocol::advance(TimeNs now, bool may_be_airborne) noexcept {
   if (stage_ != Stage::seeks && !may_be_airborne) seek();  // seen on the ground, though no answer comes
-  if (stage_ == Stage::lands && now - stage_since_ns_ >= settings_.blind_land_for_ns) enter(now, Stage::silent);
+  if (stage_ == Stage::lands && now - stage_since_ns_ >= settings_.lost_link_land_for_ns) enter(now, Stage::silent);
   if (stage_ == Stage::silent && now - stage_since_ns_ >= settings_.silence_ns) {
     begin_round();
     enter(now, Stage::lands);
   }
   if (stage_ == Stage::seeks) return advance_seeking(now, may_be_airborne);
-  if (stage_ == Stage::silent || (sent_ns_ != 0 && now - sent_ns_ < settings_.blind_repeat_ns)) return {};
+  if (stage_ == Stage::silent || (sent_ns_ != 0 && now - sent_ns_ < settings_.lost_link_repeat_ns)) return {};
   sent_ns_ = now;
   return {true, true, true};
 }

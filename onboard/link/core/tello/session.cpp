@@ -129,7 +129,7 @@ void TelloSession::land_again(TimeNs now, LostLinkProtocol::Requester by) noexce
 
 bool TelloSession::commanded_to_land(TimeNs now) const noexcept {
   return may_be_airborne() &&
-         lost_link_.has_sent_for(now, heard_ ? settings_.blind_land_for_ns : settings_.unheard_land_for_ns);
+         lost_link_.has_sent_for(now, heard_ ? settings_.lost_link_land_for_ns : settings_.unheard_land_for_ns);
 }
 
 void TelloSession::connect(TimeNs now) noexcept {

@@ -9,6 +9,7 @@
 #include <array>
 #include <map>
 
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
 #include "tests/unit/campaign.hpp"
@@ -190,7 +191,7 @@ class World {
     const std::uint64_t due = endorser_.height();
     common::Block last;
     last.ParseFromString(channel_.blocks[due - 1]);
-    const std::string hash = node::header_hash(last.header());
+    const std::string hash = fabric::header_hash(last.header());
     bool taken = false;
     switch (random_.next() % 4) {
       case 0:

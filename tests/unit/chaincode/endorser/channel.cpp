@@ -1,5 +1,6 @@
 #include "tests/unit/chaincode/endorser/channel.hpp"
 
+#include "common/fabric/tx/envelope.hpp"
 #include "common/policies.pb.h"
 #include "ledger/rwset/rwset.pb.h"
 #include "msp/msp_config.pb.h"
@@ -125,7 +126,7 @@ std::vector<int> StockPeer::take(common::Block& block) {
     }
   }
   block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
-  ledger_.add_block(node::header_hash(block.header()));
+  ledger_.add_block(fabric::header_hash(block.header()));
   return codes;
 }
 

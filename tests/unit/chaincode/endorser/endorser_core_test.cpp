@@ -6,6 +6,7 @@
 
 #include "chaincode/endorser/core/peer_follower.hpp"
 #include "chaincode/node/core/tx/messages.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/proposal_response.pb.h"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
@@ -164,7 +165,7 @@ TEST_F(OwnEndorserTest, ATransactionOfAnIdThatWasUsedCountsForNobody) {
   const auto before = net.propose(net.host, "get", "tello1/a");
   const std::string read = ask(before).bytes;
   // As an orderer's stream tells it to who does not have the ids of all blocks.
-  common::Block again = node::make_block({core.height(), node::header_hash(last.header())}, {last.data().data(0)});
+  common::Block again = node::make_block({core.height(), fabric::header_hash(last.header())}, {last.data().data(0)});
   again.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::string(1, '\0'));
   const std::string raw = again.SerializeAsString();
   const auto block = fabric::decode_block(raw);

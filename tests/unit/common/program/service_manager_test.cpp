@@ -17,21 +17,20 @@ using ::testing::HasSubstr;
 
 TEST(WatchdogPace, SpeaksAtHalfTheManagersTimeout) {
   WatchdogPace pace(2 * ns_per_s);
-  EXPECT_TRUE(pace.restart_if_due(10 * ns_per_s, 1));
-  EXPECT_FALSE(pace.restart_if_due(10'999 * ns_per_ms, 2));
-  EXPECT_TRUE(pace.restart_if_due(11 * ns_per_s, 3));
+  EXPECT_TRUE(pace.should_notify(10 * ns_per_s, 1));
+  EXPECT_FALSE(pace.should_notify(10'999 * ns_per_ms, 2));
+  EXPECT_TRUE(pace.should_notify(11 * ns_per_s, 3));
 }
 
 TEST(WatchdogPace, IsSilentWhileTheWorkStandsStillAndSpeaksAtOnceWhenItGoesOn) {
   WatchdogPace pace(2 * ns_per_s);
-  EXPECT_FALSE(pace.restart_if_due(ns_per_s, 0)) << "nothing was done yet";
-  EXPECT_TRUE(pace.restart_if_due(10 * ns_per_s, 7));
-  for (TimeNs now = 10 * ns_per_s; now < 60 * ns_per_s; now += 10 * ns_per_ms)
-    ASSERT_FALSE(pace.restart_if_due(now, 7));
-  EXPECT_TRUE(pace.restart_if_due(60 * ns_per_s, 8));
+  EXPECT_FALSE(pace.should_notify(ns_per_s, 0)) << "nothing was done yet";
+  EXPECT_TRUE(pace.should_notify(10 * ns_per_s, 7));
+  for (TimeNs now = 10 * ns_per_s; now < 60 * ns_per_s; now += 10 * ns_per_ms) ASSERT_FALSE(pace.should_notify(now, 7));
+  EXPECT_TRUE(pace.should_notify(60 * ns_per_s, 8));
 }
 
-TEST(WatchdogPace, IsSilentWhereNobodyWatches) { EXPECT_FALSE(WatchdogPace(0).restart_if_due(10 * ns_per_s, 1)); }
+TEST(WatchdogPace, IsSilentWhereNobodyWatches) { EXPECT_FALSE(WatchdogPace(0).should_notify(10 * ns_per_s, 1)); }
 
 /// A service manager's end of the socket, and the variables that name it.
 class ServiceManagerTest : public ::testing::Test {

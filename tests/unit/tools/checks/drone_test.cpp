@@ -14,8 +14,8 @@ using testing::AllOf;
 using testing::HasSubstr;
 
 // All is well.
-FlightInputs good() {
-  FlightInputs inputs;
+PreflightInputs good() {
+  PreflightInputs inputs;
   inputs.link.fence.min_m = {-2, -2, 0};
   inputs.link.fence.max_m = {2, 2, 2};
   inputs.pose_source = "mocap";
@@ -34,7 +34,7 @@ FlightInputs good() {
 }
 
 // The one line of a check; of d1 where it is a drone's.
-Finding line_of(const FlightInputs& inputs, const std::string& check) {
+Finding line_of(const PreflightInputs& inputs, const std::string& check) {
   const Findings lines = assess(inputs);
   const auto found = std::find_if(lines.begin(), lines.end(), [&](const Finding& line) {
     return line.check == check && (line.drone == "d1" || line.drone.empty());
@@ -43,7 +43,7 @@ Finding line_of(const FlightInputs& inputs, const std::string& check) {
   return *found;
 }
 
-void expect(const FlightInputs& inputs, const std::string& check, Severity severity, const std::string& what,
+void expect(const PreflightInputs& inputs, const std::string& check, Severity severity, const std::string& what,
             const std::string& cure) {
   const Finding line = line_of(inputs, check);
   EXPECT_EQ(line.severity, severity) << check << ": " << line.what;
@@ -54,7 +54,7 @@ void expect(const FlightInputs& inputs, const std::string& check, Severity sever
 }
 
 TEST(PreflightCheck, WarnsOfAPathThatOnboardOdometryDoesNotLast) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.pose_source = "tello";
   inputs.link.drones = {{.name = "d1", .source = link::PoseSource::tello}};
   const double lasts_s = odometry_lasts_s(inputs.link.failsafe, inputs.link.drones[0].odometry, 4);
@@ -80,7 +80,7 @@ TEST(PreflightCheck, WhereAllIsWellNothingIsToBeCured) {
 }
 
 TEST(PreflightCheck, ADroneThatIsNotThereHasNoOtherFacts) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.drones[0].there = false;
   inputs.drones[0].interface = "wlan1";
   expect(inputs, "drone", Severity::broken, "10.0.0.1 behind wlan1", "find --address 10.0.0.1 --interface wlan1");
@@ -89,7 +89,7 @@ TEST(PreflightCheck, ADroneThatIsNotThereHasNoOtherFacts) {
 }
 
 TEST(PreflightCheck, AnotherDroneAtItsAddressIsNamed) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.drones[0].wanted_serial = "A123";
   expect(inputs, "drone", Severity::ok, "10.0.0.1", "");
   inputs.drones[0].serial = "B456";
@@ -99,14 +99,14 @@ TEST(PreflightCheck, AnotherDroneAtItsAddressIsNamed) {
 }
 
 TEST(PreflightCheck, APoseThatAgentRefusesIsNoPose) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.drones[0].pose->fault = "its orientation has the length 0.00, not 1";
   expect(inputs, "pose", Severity::broken, "100 a second: its orientation has the length 0.00",
          "three markers or more");
 }
 
 TEST(PreflightCheck, ABatteryIsEnoughLowOrTooLow) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.drones[0].battery = 0.4;
   expect(inputs, "battery", Severity::warning, "40 %", "charge");
   inputs.drones[0].battery = inputs.link.failsafe.battery_low;
@@ -120,7 +120,7 @@ TEST(PreflightCheck, ABatteryIsEnoughLowOrTooLow) {
 }
 
 TEST(PreflightCheck, ADroneThatIsHotOnTheGroundIsWarnedOf) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   EXPECT_EQ(line_of(inputs, "temperature").what, "no line") << "a firmware that does not say it";
   inputs.drones[0].temperature_c = 85;
   expect(inputs, "temperature", Severity::ok, "85 degrees", "");
@@ -129,7 +129,7 @@ TEST(PreflightCheck, ADroneThatIsHotOnTheGroundIsWarnedOf) {
 }
 
 TEST(PreflightCheck, StateTextThatIsRareOrMissing) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.drones[0].state_hz = 0;
   expect(inputs, "state", Severity::broken, "none at 0.0.0.0:8890", "firewall");
   inputs.drones[0].state_hz = 3;
@@ -141,7 +141,7 @@ TEST(PreflightCheck, StateTextThatIsRareOrMissing) {
 }
 
 TEST(PreflightCheck, PosesThatAreMissingOldOrRare) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   EXPECT_THAT(line_of(inputs, "pose").what,
               AllOf(HasSubstr("/poses/d1, 8 ms old: 1.00, -1.00, 0.00 m in \"map\""), HasSubstr("100 a second")));
   inputs.drones[0].pose->age_ms = 301;
@@ -159,7 +159,7 @@ TEST(PreflightCheck, PosesThatAreMissingOldOrRare) {
 }
 
 TEST(PreflightCheck, ADroneThatFliesByOdometryNeedsToReportAVelocity) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.pose_source = "tello";
   for (DroneInputs& drone : inputs.drones) drone.pose->frame.clear();
   expect(inputs, "pose", Severity::ok, "by onboard odometry (tello): 1.00, -1.00, 0.00 m", "");
@@ -173,11 +173,11 @@ TEST(PreflightCheck, ADroneThatFliesByOdometryNeedsToReportAVelocity) {
 }
 
 TEST(PreflightCheck, OdometryThatStandsInForMotionCaptureNeedsBoth) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.pose_source = "mocap+tello";
   expect(inputs, "pose", Severity::ok, "/poses/d1", "");
   for (const char* refusal : {"velocity_lost", "position_uncertain"}) {
-    FlightInputs refused = inputs;
+    PreflightInputs refused = inputs;
     refused.drones[0].refusal = refusal;
     expect(refused, "pose", Severity::broken, refusal, "motion capture sees the drone");
   }
@@ -186,13 +186,13 @@ TEST(PreflightCheck, OdometryThatStandsInForMotionCaptureNeedsBoth) {
 }
 
 TEST(PreflightCheck, TwoFramesAreNoCommonPlace) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.drones[1].pose->frame = "world";
   expect(inputs, "frame", Severity::broken, "d1 is in \"map\", d2 in \"world\"", "one frame");
 }
 
 TEST(PreflightCheck, WhatElseLinkRefusesIsNamedWithACure) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   EXPECT_EQ(line_of(inputs, "link").what, "no line");
   for (const char* cause : {"stopped", "state_stale", "agent_silent", "ledger_silent", "ledger_untrusted", "tilted",
                             "too_near", "other_client", "takeoff_refused_by_drone", "fence", "of_tomorrow"}) {
@@ -211,7 +211,7 @@ Control held_by(const std::string& msp_id, const std::string& subject) {
 }
 
 TEST(PreflightCheck, ALeaseIsOursFreeOrSomebodyElses) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   expect(inputs, "lease", Severity::ok, "free", "");
   LeaseInputs& lease = *inputs.drones[0].lease;
   lease.control = held_by("Org2MSP", "CN=pilot");
@@ -231,7 +231,7 @@ TEST(PreflightCheck, ALeaseIsOursFreeOrSomebodyElses) {
 }
 
 TEST(PreflightCheck, AFenceHasTheDronesAndThePathInside) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.path = Error{"square with --side 8: d1 would be at 8, 0, 1 m"};
   expect(inputs, "fence", Severity::broken, "d1 would be at 8, 0, 1 m", "smaller side");
   for (const double away_m : {2.1, -2.1, std::numeric_limits<double>::quiet_NaN()}) {
@@ -244,7 +244,7 @@ TEST(PreflightCheck, AFenceHasTheDronesAndThePathInside) {
 }
 
 TEST(PreflightCheck, ClocksThatDiffer) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   expect(inputs, "clock", Severity::ok, "synchronised within 3.0 ms", "");
   inputs.clock.synchronised = false;
   expect(inputs, "clock", Severity::warning, "by the kernel's own word", "chrony");
@@ -259,7 +259,7 @@ TEST(PreflightCheck, ClocksThatDiffer) {
 }
 
 TEST(PreflightCheck, ALedgerIsReachedStartedOrNot) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.ledger = {.state = LedgerInputs::State::starts, .what = "embedded"};
   expect(inputs, "ledger", Severity::ok, "embedded: the flight starts it", "");
   inputs.ledger = {.state = LedgerInputs::State::failed, .what = "control: no route"};
@@ -267,7 +267,7 @@ TEST(PreflightCheck, ALedgerIsReachedStartedOrNot) {
 }
 
 TEST(PreflightCheck, LinesForPeopleAndForPrograms) {
-  FlightInputs inputs = good();
+  PreflightInputs inputs = good();
   inputs.drones[0].battery = 0.1;
   const Findings lines = assess(inputs);
   EXPECT_THAT(words(lines),

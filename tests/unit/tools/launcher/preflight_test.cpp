@@ -167,7 +167,7 @@ TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
 }
 
 TEST(Preflight, TakesWhoHoldsADroneFromItsRecord) {
-  checks::FlightInputs inputs;
+  checks::PreflightInputs inputs;
   for (const char* name : {"d1", "d2"}) inputs.drones.push_back({.name = name, .address = "10.0.0.1"});
   const auto take = [&](const std::string& line) { return read_records(line, {"Org2MSP", "CN=pilot"}, inputs).ok(); };
   ASSERT_TRUE(take(R"({"controls":[{"drone":"d1","holder":{"mspId":"Org3MSP","subject":"CN=h\u001b"}},)"

@@ -211,10 +211,10 @@ TEST(AnEvent, IsALine) {
 ShownEvent takeoff(const std::string& name, double t_ms) { return {1, t_ms, "info", name, "takeoff"}; }
 
 TEST(Flights, AreRunningMissionsAndDronesBesideThem) {
-  const auto flown = flown_from(drones({drone("tello1", "path"), drone("tello2", "landed"), drone("tello3", "manual"),
-                                        drone("tello4", "waiting")}),
-                                missions({mission_json("flying"), mission_json("done")}),
-                                {takeoff("tello1", 500), takeoff("tello1", 2'000)}, 5'000);
+  const auto flown = active_flights_from(drones({drone("tello1", "path"), drone("tello2", "landed"),
+                                                 drone("tello3", "manual"), drone("tello4", "waiting")}),
+                                         missions({mission_json("flying"), mission_json("done")}),
+                                         {takeoff("tello1", 500), takeoff("tello1", 2'000)}, 5'000);
   ASSERT_TRUE(flown) << flown.error().message;
   ASSERT_EQ(flown->size(), 2U);
   EXPECT_EQ(flown->at(0).what, "mission");
@@ -223,17 +223,18 @@ TEST(Flights, AreRunningMissionsAndDronesBesideThem) {
   EXPECT_EQ(flown->at(1).what, "hand");
   EXPECT_THAT(flown->at(1).drones, ElementsAre("tello3"));
   EXPECT_EQ(flown->at(1).since_s, std::nullopt) << "its take-off is forgotten";
-  const json reported = json::parse(flown_json(*flown));
+  const json reported = json::parse(active_flights_json(*flown));
   EXPECT_EQ(reported["flights"][0]["mission"], "3f5a9c01d2e4");
   EXPECT_TRUE(reported["flights"][1]["since_s"].is_null());
-  EXPECT_THAT(aligned(flown_rows(*flown)), HasSubstr("mission survey (3f5a9c01d2e4)"));
+  EXPECT_THAT(aligned(active_flight_rows(*flown)), HasSubstr("mission survey (3f5a9c01d2e4)"));
 }
 
 TEST(Flights, AreNoneOnTheGround) {
-  const auto flown = flown_from(drones({drone("tello1", "landed")}), missions({mission_json("aborted")}), {}, 0);
+  const auto flown =
+      active_flights_from(drones({drone("tello1", "landed")}), missions({mission_json("aborted")}), {}, 0);
   ASSERT_TRUE(flown);
   EXPECT_THAT(*flown, IsEmpty());
-  EXPECT_FALSE(flown_from("{}", missions({}), {}, 0));
+  EXPECT_FALSE(active_flights_from("{}", missions({}), {}, 0));
 }
 
 }  // namespace

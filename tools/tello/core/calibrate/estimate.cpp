@@ -21,7 +21,7 @@ int sign_of(double x) { return x < 0 ? -1 : 1; }
 double radians(float deg) { return static_cast<double>(deg) * std::numbers::pi / 180; }
 
 /// A block and what was measured meanwhile, all in seconds since the flight's first rc.
-struct Flown {
+struct CommandBlock {
   int channel = 0;
   Stretch stretch;
   std::vector<const TelloStateSample*> states;
@@ -37,10 +37,10 @@ class Times {
   TimeNs zero_;
 };
 
-std::vector<Flown> blocks_of(const Record& record, const Times& times) {
-  std::vector<Flown> out;
+std::vector<CommandBlock> blocks_of(const Record& record, const Times& times) {
+  std::vector<CommandBlock> out;
   for (const RcBlock& block : record.blocks) {
-    Flown flown;
+    CommandBlock flown;
     flown.channel = block.channel;
     flown.stretch.end_s = times.s(block.end_ns);
     for (const SentRc& sent : record.sent_rc)
@@ -70,13 +70,13 @@ std::vector<Measured> windows(const std::vector<const Sample*>& samples, double 
   return out;
 }
 
-std::vector<Measured> posed(const Flown& flown, const Times& times, std::size_t axis) {
+std::vector<Measured> posed(const CommandBlock& flown, const Times& times, std::size_t axis) {
   return windows(
       flown.poses, pose_window_s, [&](const PoseSample& p) { return times.s(p.stamp_ns); },
       [&](const PoseSample& a, const PoseSample& b) { return b.position_m[axis] - a.position_m[axis]; });
 }
 
-std::vector<Measured> reported_velocity(const Flown& flown, const Times& times, std::size_t axis) {
+std::vector<Measured> reported_velocity(const CommandBlock& flown, const Times& times, std::size_t axis) {
   std::vector<Measured> out;
   for (const TelloStateSample* sample : flown.states)
     if (sample->state.has_velocity)
@@ -85,7 +85,7 @@ std::vector<Measured> reported_velocity(const Flown& flown, const Times& times, 
   return out;
 }
 
-std::vector<Measured> turning(const Flown& flown, const Times& times, bool poses) {
+std::vector<Measured> turning(const CommandBlock& flown, const Times& times, bool poses) {
   const double whole = 2 * std::numbers::pi;
   if (poses)
     return windows(
@@ -98,7 +98,7 @@ std::vector<Measured> turning(const Flown& flown, const Times& times, bool poses
       });
 }
 
-std::vector<Measured> rising(const Flown& flown, const Times& times) {
+std::vector<Measured> rising(const CommandBlock& flown, const Times& times) {
   return windows(
       flown.states, rise_window_s, [&](const TelloStateSample& s) { return times.s(s.came_ns); },
       [&](const TelloStateSample& a, const TelloStateSample& b) {
@@ -142,9 +142,9 @@ class Estimator {
   }
 
  private:
-  std::vector<const Flown*> of(std::initializer_list<int> channels) const {
-    std::vector<const Flown*> out;
-    for (const Flown& flown : blocks_)
+  std::vector<const CommandBlock*> of(std::initializer_list<int> channels) const {
+    std::vector<const CommandBlock*> out;
+    for (const CommandBlock& flown : blocks_)
       for (const int channel : channels)
         if (flown.channel == channel) out.push_back(&flown);
     return out;
@@ -168,7 +168,7 @@ class Estimator {
 
   Status along() {
     std::vector<Stretch> stretches;
-    for (const Flown* flown : of({right, forward})) {
+    for (const CommandBlock* flown : of({right, forward})) {
       stretches.push_back(flown->stretch);
       for (const std::size_t axis : {0, 1})
         stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, axis)
@@ -183,14 +183,14 @@ class Estimator {
 
   Status up_and_down() {
     std::vector<Stretch> stretches;
-    for (const Flown* flown : of({up})) {
+    for (const CommandBlock* flown : of({up})) {
       stretches.push_back(flown->stretch);
       stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, 2) : reported_velocity(*flown, times_, 2));
     }
     Fit fit;
     if (auto status = answering(std::move(stretches), "c (up)", out_.up, fit); !status) return status;
     double rise = 0, reported = 0;
-    for (const Flown* flown : of({up})) {
+    for (const CommandBlock* flown : of({up})) {
       rise += gain_of(flown->stretch, out_.poses ? posed(*flown, times_, 2) : rising(*flown, times_), fit.lag_s,
                       fit.dead_s);
       reported += gain_of(flown->stretch, reported_velocity(*flown, times_, 2), fit.lag_s, fit.dead_s);
@@ -202,7 +202,7 @@ class Estimator {
 
   Status turns() {
     std::vector<Stretch> stretches;
-    for (const Flown* flown : of({clockwise})) {
+    for (const CommandBlock* flown : of({clockwise})) {
       stretches.push_back(flown->stretch);
       stretches.back().axes.push_back(turning(*flown, times_, out_.poses));
     }
@@ -218,7 +218,7 @@ class Estimator {
   Status tilts() {
     for (const int channel : {right, forward}) {
       double product = 0, tilts = 0, changes = 0;
-      for (const Flown* flown : of({channel})) {
+      for (const CommandBlock* flown : of({channel})) {
         std::vector<Measured> around;
         for (const TelloStateSample* s : flown->states)
           around.push_back({times_.s(s->came_ns) - tilt_window_s / 2, times_.s(s->came_ns) + tilt_window_s / 2, 0});
@@ -244,7 +244,7 @@ class Estimator {
     return out_.rc_signs[0] > 0 ? quarter : -quarter;
   }
 
-  static double heading_rad(const Flown& flown) {  // since power on
+  static double heading_rad(const CommandBlock& flown) {  // since power on
     std::vector<double> yaws;
     for (const TelloStateSample* s : flown.states) yaws.push_back(-radians(s->state.attitude_deg[2]));
     return mean_angle(yaws).value;
@@ -258,7 +258,7 @@ class Estimator {
         for (const int sy : {1, -1}) {
           // Their scale is another matter: only the directions of the gains are compared.
           double all = 0, along = 0, blocks = 0;
-          for (const Flown* flown : of({right, forward})) {
+          for (const CommandBlock* flown : of({right, forward})) {
             const double way = leads_rad(flown->channel) + (frame == 0 ? heading_rad(*flown) : 0);
             const double gx =
                 gain_of(flown->stretch, reported_velocity(*flown, times_, 0), along_.lag_s, along_.dead_s);
@@ -287,7 +287,7 @@ class Estimator {
   void nose() {
     std::vector<double> noses, power_on;
     std::size_t i = 0;
-    for (const Flown* flown : of({right, forward})) {
+    for (const CommandBlock* flown : of({right, forward})) {
       std::vector<double> yaws;
       for (const PoseSample* pose : flown->poses) yaws.push_back(pose->yaw_rad);
       const double yaw = mean_angle(yaws).value;
@@ -309,7 +309,7 @@ class Estimator {
 
   std::vector<VelocityBlock> velocity_blocks() const {
     std::vector<VelocityBlock> out;
-    for (const Flown* flown : of({right, forward})) {
+    for (const CommandBlock* flown : of({right, forward})) {
       VelocityBlock& block = out.emplace_back();
       for (const PoseSample* pose : flown->poses)
         block.positions.push_back({times_.s(pose->stamp_ns), {pose->position_m[0], pose->position_m[1]}});
@@ -321,7 +321,7 @@ class Estimator {
 
   Calibration out_;
   Times times_;
-  std::vector<Flown> blocks_;
+  std::vector<CommandBlock> blocks_;
   Fit along_;
 };
 

@@ -5,6 +5,7 @@
 #include "chaincode/endorser/core/peer_follower.hpp"
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "ledgerline.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "tests/unit/chaincode/endorser/first_state/followed_channel.hpp"
@@ -141,7 +142,7 @@ TEST_F(FirstStateTest, AChainThatTheOrderersHaveNotSignedIsRefused) {
   const std::uint64_t last = forged.end.height - 1;
   common::Block block;
   block.ParseFromString(channel.other_block(last, std::string(32, 'x'), people().forger));
-  forged.end.hash = node::header_hash(block.header());
+  forged.end.hash = fabric::header_hash(block.header());
   fabric::BlockValidator anchored = make_validator();
   const auto config = verify_snapshot(forged, anchored, [&](std::uint64_t number) -> Result<common::Block> {
     return number == last ? Result<common::Block>(block) : fetch(number);

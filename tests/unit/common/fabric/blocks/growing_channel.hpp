@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/fabric/blocks/block_intake.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/common/fabric/validation/validated_channel.hpp"
 
@@ -35,7 +36,7 @@ class GrowingChannel : public ::testing::Test, protected ValidatedChannel {
 
   /// The next block, as an honest peer serves it.
   void add(const std::vector<std::string>& envelopes) {
-    common::Block block = node::make_block({chain_.size(), node::header_hash(chain_.back().header())}, envelopes);
+    common::Block block = node::make_block({chain_.size(), fabric::header_hash(chain_.back().header())}, envelopes);
     ASSERT_TRUE(node::sign_block(block, orderer_));
     const auto verdicts = validate(envelopes, rules_);
     std::string flags;
@@ -47,7 +48,7 @@ class GrowingChannel : public ::testing::Test, protected ValidatedChannel {
   }
   /// Another block of that number, which the orderers have signed as well.
   common::Block fork(std::size_t number, const std::string& envelope) {
-    common::Block block = node::make_block({number, node::header_hash(chain_[number - 1].header())}, {envelope});
+    common::Block block = node::make_block({number, fabric::header_hash(chain_[number - 1].header())}, {envelope});
     EXPECT_TRUE(node::sign_block(block, orderer_));
     block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
     return block;

@@ -8,7 +8,7 @@
 namespace ledgerline::fabric {
 namespace {
 
-const Endorser peer1{"Org1MSP", true}, peer2{"Org2MSP", true}, client1{"Org1MSP", false};
+const PolicySigner peer1{"Org1MSP", true}, peer2{"Org2MSP", true}, client1{"Org1MSP", false};
 
 TEST(Policy, APeerOfTheOrganisationAndNobodyElse) {
   const std::string policy = peer_policy("Org1MSP");

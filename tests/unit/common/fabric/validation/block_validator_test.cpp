@@ -6,6 +6,7 @@
 #include "common/base/random.hpp"
 #include "common/configtx.pb.h"
 #include "common/configuration.pb.h"
+#include "common/fabric/tx/envelope.hpp"
 #include "tests/unit/common/fabric/validation/signed_chain.hpp"
 
 /// Those who would like to add to a chain that is not theirs.
@@ -157,7 +158,7 @@ TEST_F(BlockValidatorTest, AConfigurationIsFollowedFromItsBlockOn) {
   sign(chain_.back(), orderer_, 2);
   const auto valid = one.validate(chain_.back());
   ASSERT_TRUE(valid) << valid.error().message;
-  EXPECT_EQ(one.config(), 2U);
+  EXPECT_EQ(one.config_block_number(), 2U);
   const common::Block old = add("transaction", &orderer_, 2);
   EXPECT_FALSE(one.validate(old)) << "its orderers are not the channel's any more";
   sign(chain_.back(), other_, 2);
@@ -176,7 +177,7 @@ TEST_F(BlockValidatorTest, ABlockUnderALaterConfigurationNeedsThatFirst) {
   BlockValidator one = make_validator();
   const auto caught_up = one.catch_up(chain_[5], from_chain());
   ASSERT_TRUE(caught_up) << caught_up.error().message;
-  EXPECT_EQ(one.config(), 4U);
+  EXPECT_EQ(one.config_block_number(), 4U);
   EXPECT_TRUE(one.validate(chain_[5]));
   EXPECT_TRUE(one.catch_up(chain_[5], from_chain())) << "it is known";
 }
@@ -187,10 +188,10 @@ TEST_F(BlockValidatorTest, WhoHidesAConfigurationIsFoundOut) {
   add("transaction", &other_, 2);
   // An orderer that was taken out signs on as if it had not been.
   const auto fork = chain_;
-  common::Block forged = node::make_block({4, node::header_hash(fork[3].header())}, {config_of(first_)});
+  common::Block forged = node::make_block({4, fabric::header_hash(fork[3].header())}, {config_of(first_)});
   sign(forged, orderer_, 4);
   chain_.push_back(forged);
-  common::Block newest = node::make_block({5, node::header_hash(forged.header())}, {"transaction"});
+  common::Block newest = node::make_block({5, fabric::header_hash(forged.header())}, {"transaction"});
   sign(newest, orderer_, 4);
   BlockValidator one = make_validator();
   EXPECT_FALSE(one.catch_up(newest, from_chain()));

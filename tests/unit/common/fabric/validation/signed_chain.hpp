@@ -6,6 +6,7 @@
 
 #include "chaincode/node/core/tx/messages.hpp"
 #include "common/configtx.pb.h"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "msp/identities.pb.h"
 
@@ -43,7 +44,7 @@ class SignedChain {
   /// The next block; `signer`: null: nobody.
   const common::Block& add(const std::string& envelope, const crypto::SigningIdentity* signer = nullptr,
                            std::uint64_t last_config = 0) {
-    const node::ChainEnd end{chain_.size(), chain_.empty() ? "" : node::header_hash(chain_.back().header())};
+    const node::ChainEnd end{chain_.size(), chain_.empty() ? "" : fabric::header_hash(chain_.back().header())};
     common::Block block = node::make_block(end, {envelope});
     if (signer != nullptr) sign(block, *signer, last_config);
     return chain_.emplace_back(std::move(block));

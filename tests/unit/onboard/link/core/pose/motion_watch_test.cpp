@@ -152,7 +152,7 @@ class Flow {
       state.velocity_dmps[0] = static_cast<float>(std::round(reports * flow_ * 10));
       watch.update(now, state,
                    {.expected = motion_.expected(), .sent_mps = {commanded_mps, 0}, .lean_mps2 = {lean, 0}});
-      if (watch.is_blind() && !blind_ns) blind_ns = now;
+      if (watch.is_dark() && !blind_ns) blind_ns = now;
     }
   }
   bool dark = false;
@@ -170,11 +170,11 @@ TEST(FlowWatch, AVelocityThatFadesWhileItLeansIsSuspectedBeforeItIsHalf) {
   for (const double mps : {0.4, 0.5, 1.0}) {
     Flow drone;
     drone.fly(5, mps);
-    ASSERT_FALSE(drone.watch.is_blind());
+    ASSERT_FALSE(drone.watch.is_dark());
     drone.dark = true;
     const TimeNs dark_ns = drone.now;
     drone.fly(2, mps);
-    ASSERT_TRUE(drone.watch.is_blind()) << mps;
+    ASSERT_TRUE(drone.watch.is_dark()) << mps;
     EXPECT_LE(drone.blind_ns - dark_ns, 500 * ms) << mps;
   }
 }
@@ -184,10 +184,10 @@ TEST(FlowWatch, OneThatStartsInTheDarkIsSuspectedWithinFiveTexts) {
     Flow drone;
     drone.dark = true;
     drone.fly(3, 0);
-    EXPECT_FALSE(drone.watch.is_blind()) << "one that hovers looks the same either way";
+    EXPECT_FALSE(drone.watch.is_dark()) << "one that hovers looks the same either way";
     const TimeNs start_ns = drone.now;
     drone.fly(2, mps);
-    ASSERT_TRUE(drone.watch.is_blind()) << mps;
+    ASSERT_TRUE(drone.watch.is_dark()) << mps;
     EXPECT_LE(drone.blind_ns - start_ns, 500 * ms) << mps;
   }
 }
@@ -197,7 +197,7 @@ TEST(FlowWatch, OneThatSeesIsNotSuspectedHoweverItIsFlown) {
     Flow drone;
     drone.reports = reports;
     for (const double mps : {0.3, -0.3, 0.5, 0.0, 1.0, -1.0, 0.26, 1.0, 0.16, 0.0}) drone.fly(3, mps);
-    EXPECT_FALSE(drone.watch.is_blind()) << reports;
+    EXPECT_FALSE(drone.watch.is_dark()) << reports;
   }
 }
 
@@ -212,7 +212,7 @@ TEST(FlowWatch, ALongLeanOfOneThatReportsWhatItShouldIsNotSuspected) {
       watch.update(now += between_texts_ns, state,
                    {.expected = {.response_mps = {0.55, 0}}, .sent_mps = {0.7, 0}, .lean_mps2 = {1.6, 0}});
     }
-    EXPECT_EQ(watch.is_blind(), reported_dmps < 5) << reported_dmps;
+    EXPECT_EQ(watch.is_dark(), reported_dmps < 5) << reported_dmps;
   }
 }
 
@@ -222,7 +222,7 @@ TEST(FlowWatch, OneThatIsBlownFromTheStartIsNotSuspected) {
     drone.wind_mps = wind;
     drone.fly(5, 0);
     drone.fly(5, 0.5);
-    EXPECT_FALSE(drone.watch.is_blind()) << wind;
+    EXPECT_FALSE(drone.watch.is_dark()) << wind;
   }
 }
 
@@ -237,7 +237,7 @@ TEST(FlowWatch, OneThatHeldItsPositionAgainstTheWindIsNotSuspected) {
     EXPECT_NEAR(drone.true_mps, 0, 0.02);
     drone.holds = false;
     drone.fly(5, 0.5);
-    EXPECT_FALSE(drone.watch.is_blind()) << wind;
+    EXPECT_FALSE(drone.watch.is_dark()) << wind;
   }
 }
 
@@ -246,9 +246,9 @@ TEST(FlowWatch, AGustThatStopsItIsSuspectedUntilItIsSeenToMove) {
   drone.fly(5, 0.5);
   drone.wind_mps = -4;
   drone.fly(0.7, 0.5);
-  ASSERT_TRUE(drone.watch.is_blind());
+  ASSERT_TRUE(drone.watch.is_dark());
   drone.fly(0.5, 0);  // as the failsafe brakes
-  EXPECT_FALSE(drone.watch.is_blind());
+  EXPECT_FALSE(drone.watch.is_dark());
 }
 
 TEST(FlowWatch, InTheDarkABrakeDoesNotEndTheSuspicionAndLightDoes) {
@@ -256,13 +256,13 @@ TEST(FlowWatch, InTheDarkABrakeDoesNotEndTheSuspicionAndLightDoes) {
   drone.fly(5, 0.5);
   drone.dark = true;
   drone.fly(0.6, 0.5);
-  ASSERT_TRUE(drone.watch.is_blind());
+  ASSERT_TRUE(drone.watch.is_dark());
   drone.fly(5, 0);
-  EXPECT_TRUE(drone.watch.is_blind());
+  EXPECT_TRUE(drone.watch.is_dark());
   drone.dark = false;
   drone.true_mps = 0.3;
   drone.fly(0.1, 0);
-  EXPECT_FALSE(drone.watch.is_blind());
+  EXPECT_FALSE(drone.watch.is_dark());
 }
 
 // Whatever the lean says: a firmware may tell none.
@@ -272,7 +272,7 @@ TEST(FlowWatch, ZerosWhileItIsToMoveAreNoVelocity) {
   const auto fly = [&](int texts, double expected_mps) {
     for (int i = 0; i < texts; ++i)
       watch.update(now += between_texts_ns, {}, {.expected = {{expected_mps, 0}, {}}, .sent_mps = {expected_mps, 0}});
-    return watch.is_blind();
+    return watch.is_dark();
   };
   EXPECT_FALSE(fly(100, 0.05)) << "it hovers";
   EXPECT_FALSE(fly(9, 0.2));

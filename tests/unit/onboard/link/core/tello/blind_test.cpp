@@ -73,8 +73,8 @@ TEST(Blind, TheCommandIsBoundedAndTheSilenceAfterItIsLongerThanTheTellosOwn) {
   WithoutState w;
   w.tello().states = w.tello().answers = w.tello().lands = false;  // it hears everything, and obeys no landing
   const SessionSettings& s = w.settings_.session;
-  w.pass(3'500 * ms + s.blind_land_for_ns + 100 * ms);
-  EXPECT_EQ(w.said("land"), s.blind_land_for_ns / s.blind_repeat_ns);
+  w.pass(3'500 * ms + s.lost_link_land_for_ns + 100 * ms);
+  EXPECT_EQ(w.said("land"), s.lost_link_land_for_ns / s.lost_link_repeat_ns);
   w.sent.clear();
   w.pass(s.silence_ns - 500 * ms);
   EXPECT_TRUE(w.sent.empty());
@@ -86,16 +86,16 @@ TEST(Blind, EveryFurtherTryBeginsWithZeroAndEndsInLandAndSilence) {
   WithoutState w;
   w.tello().states = w.tello().answers = false;
   const SessionSettings& s = w.settings_.session;
-  w.pass(3'500 * ms + s.blind_land_for_ns + 100 * ms);
+  w.pass(3'500 * ms + s.lost_link_land_for_ns + 100 * ms);
   for (int cycle = 0; cycle < 5; ++cycle) {
     w.sent.clear();
-    w.pass(s.blind_land_for_ns + s.silence_ns);
+    w.pass(s.lost_link_land_for_ns + s.silence_ns);
     ASSERT_GE(w.sent.size(), 3U);
     EXPECT_EQ(w.sent[0].second, "command");
     EXPECT_EQ(w.sent[1].second, "rc 0 0 0 0");
     EXPECT_EQ(w.sent.back().second, "land");
     EXPECT_EQ(w.said("land"), w.said("command"));
-    EXPECT_LE(w.sent.back().first - w.sent[0].first, s.blind_land_for_ns);
+    EXPECT_LE(w.sent.back().first - w.sent[0].first, s.lost_link_land_for_ns);
   }
 }
 
@@ -196,9 +196,9 @@ TEST(Blind, AStopALandingAndACutAreSentAtOnceAndRepeated) {
 TEST(Blind, TheSilenceIsBrokenOnceByAStopALandingAndACutEach) {
   WithoutState w;
   const SessionSettings& s = w.settings_.session;
-  const auto words = s.blind_land_for_ns / s.blind_repeat_ns;
+  const auto words = s.lost_link_land_for_ns / s.lost_link_repeat_ns;
   w.tello().states = w.tello().answers = w.tello().lands = false;
-  w.pass(3'500 * ms + s.blind_land_for_ns + ns_per_s);
+  w.pass(3'500 * ms + s.lost_link_land_for_ns + ns_per_s);
   EXPECT_EQ(w.said("land"), words);
   const auto insist = [&](PlanAction action, TimeNs duration) {  // by somebody who does not tire
     for (const TimeNs end = w.now + duration; w.now < end;) {
@@ -225,7 +225,7 @@ TEST(Blind, ARepeatedRequestDuringAndAfterTheCommandDoesNotBreakTheSilence) {
       w.plan(action);
       w.pass(200 * ms);
     }
-    EXPECT_LE(w.said("land"), s.blind_land_for_ns / s.blind_repeat_ns + 1);
+    EXPECT_LE(w.said("land"), s.lost_link_land_for_ns / s.lost_link_repeat_ns + 1);
     w.pass(6 * ns_per_s);
     EXPECT_TRUE(w.down()) << "it landed by itself";
   }
@@ -241,8 +241,9 @@ TEST(Blind, TheLocalStopKeyLandsADroneThatWasHeardForAllOfItsTime) {
     w.pass(10 * ms);
     EXPECT_EQ(w.said("land"), before + 1) << after_s;
     EXPECT_FALSE(w.core.all_landed_or_commanded()) << after_s;
-    w.pass(w.settings_.session.blind_land_for_ns - 100 * ms);
-    EXPECT_EQ(w.said("land"), before + w.settings_.session.blind_land_for_ns / w.settings_.session.blind_repeat_ns);
+    w.pass(w.settings_.session.lost_link_land_for_ns - 100 * ms);
+    EXPECT_EQ(w.said("land"),
+              before + w.settings_.session.lost_link_land_for_ns / w.settings_.session.lost_link_repeat_ns);
     EXPECT_FALSE(w.core.all_landed_or_commanded()) << after_s;
     w.pass(200 * ms);
     EXPECT_TRUE(w.core.all_landed_or_commanded()) << after_s;
