@@ -14,7 +14,8 @@ constexpr std::array rules{
     RuleText{Rule::enrolled, "enrolled", "The drone is enrolled."},
     RuleText{Rule::name_for_good, "name-for-good", "The drone is new, or the same organisation's: names are for good."},
     RuleText{Rule::administrator, "administrator",
-             "Administrator of the organisation that the call is about: the drone's, or the identity's."},
+             "Administrator (a certificate with OU=admin) of the organisation that the call is about: the drone's, or "
+             "the identity's."},
     RuleText{Rule::operator_role, "operator-role", "Operator or supervisor (hand_over: who gets the lease)."},
     RuleText{Rule::not_revoked, "not-revoked", "Not revoked."},
     RuleText{Rule::granted, "granted",

@@ -18,10 +18,13 @@ Result<std::int64_t> parse_time_s(const std::string& text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
   if (error == std::errc() && end == text.data() + text.size() && seconds >= 0 && seconds <= max_time_s) return seconds;
   std::tm utc{};
-  const char* const rest = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+  // As audits print it, too: "2026-11-29 01:02:03".
+  const bool as_printed = text.size() > 10 && text[10] == ' ';
+  const char* const rest = ::strptime(text.c_str(), as_printed ? "%Y-%m-%d %H:%M:%S" : "%Y-%m-%dT%H:%M:%S%z", &utc);
   if (rest == nullptr || *rest != '\0' || utc.tm_year < 70 || utc.tm_year > 350)
     return Error{printable(text) + " is no time as 2026-11-29T01:02:03Z, nor seconds since 1970"};
-  return std::int64_t{::timegm(&utc)};
+  const std::int64_t east_s = utc.tm_gmtoff;
+  return std::int64_t{::timegm(&utc)} - east_s;
 }
 
 Result<std::int64_t> parse_time_ns(const std::string& text) {
@@ -31,7 +34,8 @@ Result<std::int64_t> parse_time_ns(const std::string& text) {
   const std::string rest = digits.substr(std::min(digits.find_first_not_of("0123456789"), digits.size()));
   digits.resize(digits.size() - rest.size());
   // What is no fraction stays, and is refused with the whole text.
-  const bool is_fraction = !digits.empty() && digits.size() <= max_digits && (rest.empty() || rest == "Z");
+  const bool is_fraction =
+      !digits.empty() && digits.size() <= max_digits && (rest.empty() || rest.find_first_of("Z+-") == 0);
   const auto time_s = parse_time_s(is_fraction ? text.substr(0, point) + rest : text);
   if (!time_s) return time_s;
   digits.resize(max_digits, '0');

@@ -5,6 +5,7 @@
 #include <array>
 #include <ctime>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/names.hpp"
 #include "tools/audit/chain_audit.hpp"
@@ -106,6 +107,7 @@ std::string holder_line(const Tenure& t) {
 
 std::string drone_text(const std::string& drone_name, const DroneReport& drone) {
   std::string text = fmt::format("\n  {}: {} states, {} poses\n", drone_name, drone.states, drone.path.count());
+  if (drone.record) text += fmt::format("    on host {}\n", text_of(to_name(drone.record->owner())));
   text += some(drone.holders.all(), drone.holders.count(), holder_line);
   text += some(drone.commands, drone.commands.size(), [](const auto& entry) {
     const Commands& c = entry.second;
@@ -113,6 +115,8 @@ std::string drone_text(const std::string& drone_name, const DroneReport& drone) 
                        where(c.first), where(c.last));
   });
   text += events_text(drone.events, max_lines);
+  if (std::ranges::any_of(drone.events.all(), [](const Event& e) { return e.who.ends_with("'s lease"); }))
+    text += "    under a lease: sent by ground; who asked it to, if only by a stop, is in ground's log\n";
   text += some(drone.transitions.all(), drone.transitions.count(), [](const Change& c) {
     const Transition& t = c.transition;
     return fmt::format("failsafe {}: {}, {}, {}; {}", t.number, name(t.phase), name(t.mode), name(t.cause),

@@ -99,7 +99,7 @@ Result<Continuation> continue_behind(const LastVerified& verified, const common:
   if (height < last.number)
     return Error{
         fmt::format("the peer serves a chain that ends at block {}; we have verified block {}: it lags behind, or "
-                    "serves an old chain",
+                    "serves an old chain (one restored on purpose: docs/ledger.md#checkpoints)",
                     height, last.number)};
   std::string hash = header_hash(newest.header());
   if (height > last.number) {

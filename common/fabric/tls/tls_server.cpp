@@ -1,5 +1,6 @@
 #include "common/fabric/tls/tls_server.hpp"
 
+#include <fmt/format.h>
 #include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
 
@@ -51,6 +52,9 @@ Result<TlsServer> serve_by_tls(const TlsEndpoint& at, const std::vector<grpc::Se
   grpc::SslServerCredentialsOptions tls(at.client_authorities_pem.empty()
                                             ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
                                             : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  // gRPC would say of a pair that does not fit that it cannot listen.
+  if (const auto fits = crypto::own_first(at.key_pem, at.certificate_pem); !fits)
+    return Error{fmt::format("{}: TLS key and certificate: {}", at.listen, fits.error().message)};
   tls.pem_key_cert_pairs.push_back({at.key_pem, at.certificate_pem});
   tls.pem_root_certs = at.client_authorities_pem;
   return serve(at, grpc::SslServerCredentials(tls), services);

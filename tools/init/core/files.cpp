@@ -241,6 +241,7 @@ Result<std::vector<File>> files_of(Role role, const HostPlan& plan) {
   Files files(plan);
   switch (role) {
     case Role::drone_host:
+      if (plan.drones.empty() && plan.host.empty()) return Error{"a drone host needs --drone NAME=ADDRESS"};
       if (plan.drones.empty()) return Error{fmt::format("no [[drone]] has host = \"{}\"", plan.host)};
       files.link();
       files.agent();

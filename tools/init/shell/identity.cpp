@@ -134,6 +134,8 @@ Status collect_public(const std::string& ledger_dir, const std::string& out) {
   const fs::path ordering = identities::ordering_dir(ledger_dir) / "tlsca" / ("tlsca." + orderers + "-cert.pem");
   if (fs::exists(ordering)) {
     if (auto status = add(ordering, "tls/orderers.pem"); !status) return status;
+    const fs::path authority = identities::ordering_dir(ledger_dir) / "ca" / ("ca." + orderers + "-cert.pem");
+    if (auto status = add(authority, "orderers-ca.pem"); !status) return status;
   }
   std::size_t blocks = 0;
   std::error_code error;

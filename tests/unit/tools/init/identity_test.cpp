@@ -144,8 +144,9 @@ TEST_F(InitIdentity, WhatIsCollectedForOthersHasNoKey) {
     ++files;
     EXPECT_EQ(read_file(entry.path())->find("PRIVATE KEY"), std::string::npos) << entry.path();
   }
-  EXPECT_EQ(files, 8u);
+  EXPECT_EQ(files, 9u);
   EXPECT_TRUE(fs::exists(in("public/tls/orderers.pem")));
+  EXPECT_TRUE(fs::exists(in("public/orderers-ca.pem"))) << "receipts are checked by it";
 }
 
 TEST_F(InitIdentity, NothingIsWrittenWhereAFileIsThere) {
