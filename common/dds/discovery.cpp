@@ -176,6 +176,7 @@ std::uint64_t Discovery::left_out() const {
 
 std::string why_unheard(const DiscoveredTopic& seen, const ReadTopic& read) {
   if (seen.topic != read.topic || seen.writers == 0) return "";
+  if (!read.not_read.empty()) return read.topic + " is written and not read: " + read.not_read;
   if (seen.type != read.type)
     return read.topic + " is written as " + printable(seen.type, max_type_shown) + "; " + read.type + " is read";
   if (read.qos.reliable && !seen.qos.reliable)

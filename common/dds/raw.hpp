@@ -127,6 +127,7 @@ class Discovery {
 struct ReadTopic {
   std::string topic, type;
   Qos qos;
+  std::string not_read{};  ///< why it is not read at all: nobody who writes it is heard; empty: it is
 };
 
 /// Why a reader does not hear somebody who writes its topic, as a sentence; empty: it hears all who do.

@@ -119,7 +119,7 @@ bool is_table_key(std::string_view id, const std::string& msp_id) {
 }
 
 /// Whether the organisation has tables.
-Result<bool> read_tables(const Evaluate& evaluate, const std::string& msp_id, RoleTable& roles) {
+Result<bool> read_tables(const Evaluate& evaluate, const std::string& msp_id, RolesByOrganisation& roles) {
   bool there = false;
   std::size_t records = 0;
   const Error enough{"enough", ErrorCode::cancelled};
@@ -145,7 +145,7 @@ Result<bool> read_tables(const Evaluate& evaluate, const std::string& msp_id, Ro
 }
 
 /// Of organisations that have written no role since the version before.
-Status read_records_before(const Evaluate& evaluate, const Organisations& organisations, RoleTable& roles) {
+Status read_records_before(const Evaluate& evaluate, const Organisations& organisations, RolesByOrganisation& roles) {
   std::size_t records = 0;
   const Error enough{"enough", ErrorCode::cancelled};
   const Status status = read_all("role", evaluate, [&](const Asset& asset) -> Status {
@@ -173,12 +173,12 @@ Organisations organisations_of(const std::vector<Control>& controls) {
   return organisations;
 }
 
-void RoleTable::await(const std::string& msp_id) {
+void RolesByOrganisation::await(const std::string& msp_id) {
   organisations_[msp_id];
   awaited_.insert(msp_id);
 }
 
-Organisations RoleTable::followed() const {
+Organisations RolesByOrganisation::followed() const {
   Organisations followed;
   for (const auto& [msp_id, roles] : organisations_) {
     if (!awaited_.contains(msp_id)) followed.insert(msp_id);
@@ -186,7 +186,7 @@ Organisations RoleTable::followed() const {
   return followed;
 }
 
-void RoleTable::apply(const RoleChange& change) {
+void RolesByOrganisation::apply(const RoleChange& change) {
   auto& roles = organisations_[change.identity.msp_id()];
   const auto known = roles.find(change.identity.subject());
   if (known != roles.end()) {
@@ -198,7 +198,7 @@ void RoleTable::apply(const RoleChange& change) {
   }
 }
 
-void RoleTable::add(const RoleTable& read) {
+void RolesByOrganisation::add(const RolesByOrganisation& read) {
   for (const auto& [msp_id, roles] : read.organisations_) {
     auto& ours = organisations_[msp_id];
     for (const auto& [subject, role] : roles) {
@@ -209,19 +209,19 @@ void RoleTable::add(const RoleTable& read) {
   left_out_.insert(read.left_out_.begin(), read.left_out_.end());
 }
 
-void RoleTable::exclude(const std::string& msp_id) {
+void RolesByOrganisation::exclude(const std::string& msp_id) {
   organisations_[msp_id].clear();
   left_out_.insert(msp_id);
 }
 
-Role RoleTable::of(const crypto::IdentityName& who) const {
+Role RolesByOrganisation::of(const crypto::IdentityName& who) const {
   const auto organisation = organisations_.find(who.msp_id);
   if (organisation == organisations_.end()) return ROLE_NONE;
   const auto found = organisation->second.find(who.subject);
   return found == organisation->second.end() ? ROLE_NONE : found->second;
 }
 
-std::map<crypto::IdentityName, Role> RoleTable::all() const {
+std::map<crypto::IdentityName, Role> RolesByOrganisation::all() const {
   std::map<crypto::IdentityName, Role> all;
   for (const auto& [msp_id, roles] : organisations_) {
     for (const auto& [subject, role] : roles) all.emplace(crypto::IdentityName{msp_id, subject}, role);
@@ -229,8 +229,8 @@ std::map<crypto::IdentityName, Role> RoleTable::all() const {
   return all;
 }
 
-Result<RoleTable> read_roles(const Evaluate& evaluate, const Organisations& organisations) {
-  RoleTable roles;
+Result<RolesByOrganisation> read_roles(const Evaluate& evaluate, const Organisations& organisations) {
+  RolesByOrganisation roles;
   Organisations before;
   for (const std::string& msp_id : organisations) {
     roles.follow(msp_id);

@@ -79,7 +79,7 @@ Organisations organisations_of(const std::vector<Control>& controls);
 /// The roles that organisations have given to their people, as the ledger's records say at first and its events from
 /// then on. Each organisation has its own bound, so that none takes another's place, nor makes this as large as it
 /// likes. One thread.
-class RoleTable {
+class RolesByOrganisation {
  public:
   void apply(const RoleChange& change);
   /// Its roles are here, if there are any.
@@ -90,7 +90,7 @@ class RoleTable {
   bool follows(const std::string& msp_id) const { return organisations_.contains(msp_id); }
   Organisations followed() const;  ///< without those that are awaited
   /// What was read; where an event has said something since, that counts.
-  void add(const RoleTable& read);
+  void add(const RolesByOrganisation& read);
   /// Nothing of the organisation counts: its records are too many, or none that the contract writes.
   void exclude(const std::string& msp_id);
   Role of(const crypto::IdentityName& who) const;
@@ -105,6 +105,6 @@ class RoleTable {
 
 /// The ledger's roles of these organisations, which are followed then. An organisation whose records are too many or
 /// damaged is left out, for its own account: the others' count. An error: the ledger does not answer.
-Result<RoleTable> read_roles(const Evaluate& evaluate, const Organisations& organisations);
+Result<RolesByOrganisation> read_roles(const Evaluate& evaluate, const Organisations& organisations);
 
 }  // namespace ledgerline::verification

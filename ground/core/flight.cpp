@@ -347,7 +347,7 @@ void FlightCore::add_note(TimeNs now_ns, std::size_t index, const std::string& w
 }
 
 // Without a ledger.
-void FlightCore::hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out) {
+void FlightCore::emit_local_plan(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out) {
   command.plan.set_sequence(drones_[index]->next_sequence++);
   command.plan.set_epoch(1);
   ++drones_[index]->status.commands.sent;

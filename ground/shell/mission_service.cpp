@@ -59,7 +59,7 @@ std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), dig
 
 /// Who of those that may approve has anchored this digest.
 Result<std::vector<crypto::IdentityName>> signers_of(const verification::Evaluate& evaluate,
-                                                     const verification::RoleTable& roles,
+                                                     const verification::RolesByOrganisation& roles,
                                                      const crypto::Digest& digest) {
   Anchors anchors;
   for (const AnchorCall& call : service::approval_questions(bytes_of(digest), roles)) {

@@ -159,7 +159,7 @@ void RoleWatch::on_block(const fabric::Block& block) {
 }
 
 const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
-  for (const Result<verification::RoleTable>& roles : read_.pop_all()) {
+  for (const Result<verification::RolesByOrganisation>& roles : read_.pop_all()) {
     is_reading_ = false;
     if (roles) {
       dismissed_ = service::dismissed(parts_.operators, *roles);

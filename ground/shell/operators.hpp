@@ -111,7 +111,7 @@ class RoleWatch {
   bool is_reading_ = false;
   std::vector<std::size_t> dismissed_;
   std::atomic<bool> closed_{false};
-  Mailbox<Result<verification::RoleTable>> read_;
+  Mailbox<Result<verification::RolesByOrganisation>> read_;
   Workers worker_{"roles", 1, 1};
 };
 

@@ -1,5 +1,7 @@
 #include "ground/shell/ros_topics.hpp"
 
+#include <algorithm>
+
 #include "common/base/log.hpp"
 #include "common/rt/clock.hpp"
 
@@ -49,9 +51,16 @@ Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on
   else if (!settings.emergency)
     spdlog::info("/<drone>/emergency is not read without DDS Security: [pilot] emergency = true reads it");
   std::vector<dds::ReadTopic> read;
+  const std::vector<const PilotTopic*> topics = topics_read(settings);
   for (std::size_t i = 0; i < drones_.size(); ++i) {
-    for (const PilotTopic* topic : topics_read(settings)) {
+    for (const PilotTopic& one : pilot_topics) {
+      const PilotTopic* topic = &one;
+      drone_of_topic_.push_back(i);
       read.push_back({topic_of(*topic, drones_[i]), std::string(topic->type), {.reliable = topic->reliable}});
+      if (std::ranges::find(topics, topic) == topics.end()) {
+        read.back().not_read = settings.topics ? "[pilot] emergency = true reads it" : "[pilot] topics = true reads it";
+        continue;
+      }
       auto reader =
           dds::RawReader::create(participant_, read.back().topic, read.back().type, read.back().qos,
                                  [i, topic, on_message](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
@@ -61,7 +70,6 @@ Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on
       readers_.push_back({i, std::move(reader).value()});
     }
   }
-  if (read.empty()) return done;
   auto discovery =
       dds::report_unheard(participant_, std::move(read), [this, on_unheard](std::size_t topic, const std::string& why) {
         {
@@ -69,7 +77,7 @@ Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on
           unheard_why_[topic] = why;
           if (why.empty()) unheard_why_.erase(topic);
         }
-        if (!why.empty()) on_unheard(readers_[topic].drone, why);
+        if (!why.empty()) on_unheard(drone_of_topic_[topic], why);
       });
   if (!discovery) return discovery.error();
   discovery_ = std::move(discovery).value();
@@ -80,7 +88,7 @@ std::vector<std::string> RosTopics::unheard() const {
   const std::lock_guard lock(unheard_mutex_);
   if (unheard_why_.empty()) return {};
   std::vector<std::string> why(drones_.size());
-  for (const auto& [topic, words] : unheard_why_) why[readers_[topic].drone] = words;
+  for (const auto& [topic, words] : unheard_why_) why[drone_of_topic_[topic]] = words;
   return why;
 }
 

@@ -48,10 +48,11 @@ class RosTopics {
   const std::vector<std::string> drones_;             ///< names
   std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
   std::vector<Reader> readers_;
-  std::vector<std::uint64_t> unpublished_;  ///< of each drone
+  std::vector<std::size_t> drone_of_topic_;  ///< of each topic of pilots, read or not
+  std::vector<std::uint64_t> unpublished_;   ///< of each drone
   TimeNs next_warning_ns_ = 0;
   mutable std::mutex unheard_mutex_;
-  std::map<std::size_t, std::string> unheard_why_;  ///< by index into readers_
+  std::map<std::size_t, std::string> unheard_why_;  ///< by index into drone_of_topic_
   std::optional<dds::Discovery> discovery_;         ///< of the topics that are read
 };
 

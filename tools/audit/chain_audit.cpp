@@ -88,14 +88,14 @@ Result<ChainAudit> ChainAudit::start(Trust trust, TimeSpan span) {
   return audit;
 }
 
-void ChainAudit::find(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what) {
+void ChainAudit::add_finding(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what) {
   ++counts_.findings;
   if (const std::string prefix = fmt::format("block {}: ", next_); what.starts_with(prefix))
     what.erase(0, prefix.size());
   if (findings_.size() < max_findings) findings_.push_back({next_, transaction, tx_id, printable(what)});
 }
 
-void ChainAudit::find_at_end(const std::string& what) { add_finding(std::nullopt, "", what); }
+void ChainAudit::add_reader_finding(const std::string& what) { add_finding(std::nullopt, "", what); }
 
 void ChainAudit::end() {
   if (!trust_.anchor.empty() && !anchor_seen_)
@@ -207,7 +207,7 @@ void ChainAudit::validate_transactions(const common::Block& block, std::string_v
       ++counts_.invalid[verdict.code];
     }
   }
-  if (!orderers_ || orderers_->config() != next_) return;
+  if (!orderers_ || orderers_->config_block_number() != next_) return;
   ++counts_.config_blocks;
   if (next_ == 0) return;  // the anchor, or taken as it is: done before
   if (const auto read = fabric::read_channel_config(block); read) configure(*read);

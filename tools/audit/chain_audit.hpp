@@ -60,7 +60,7 @@ class ChainAudit {
   /// The next block of the chain, a common.Block.
   void add(std::string_view block);
   /// A finding of the chain's reader, where the next block should be.
-  void find_at_end(const std::string& what);
+  void add_reader_finding(const std::string& what);
   /// Behind the last block: that the anchor was in the chain, and that it is the newest one.
   void end();
 

@@ -103,7 +103,7 @@ int run(const Options& options) {
   const auto reading =
       plan->peer ? read_peer(std::move(*plan->peer), timeout, on_block) : read_copy(options.blocks, on_block);
   if (!reading) return fail_unreadable(reading.error().message);
-  if (!reading->problem.empty()) audit->find_at_end(reading->problem);
+  if (!reading->problem.empty()) audit->add_reader_finding(reading->problem);
   audit->end();
   for (const std::string& drone : plan->asked.drones) {
     if (!audit->report().drones().contains(drone)) return fail_unreadable("--drone: the chain knows no " + drone);

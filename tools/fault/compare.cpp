@@ -53,6 +53,8 @@ too few runs to tell, or NEW lacks runs or figures that OLD has.)");
   verb.option("--least", asked->options.least_share, "share of a figure by which it must change to count")
       .within(0.0, 10.0)
       .shows_default();
+  verb.flag("--settings", asked->options.text_may_differ,
+            "scripts of one name may differ in their text, as in a setting");
   verb.flag("--all", asked->all, "say what did not change, too");
   return {verb, [asked] { return compare_files(*asked); }};
 }

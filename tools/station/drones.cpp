@@ -87,9 +87,23 @@ Status fly_path(Station& station, const VerbOptions& verb_options) {
   return send(station, verb_options, "path", drone_request(name, "path", std::move(*body)), name);
 }
 
+/// Whom hand_over and deny are about: who is named, else the only one who has requested the drone.
+Result<std::string> requester_body(Station& station, const VerbOptions& verb_options) {
+  if (!verb_options.msp.empty()) return to_body(verb_options.msp, verb_options.subject);
+  const auto drones = station.request({.target = "drones"});
+  if (!drones) return drones.error();
+  const auto requester = only_requester(*drones, verb_options.names.front());
+  if (!requester) return requester.error();
+  return to_body(requester->msp_id, requester->subject);
+}
+
 Status sign(Station& station, const VerbOptions& verb_options, const std::string& verb) {
   std::string body = "{}";
-  if (verb == "hand_over" || verb == "deny") body = to_body(verb_options.msp, verb_options.subject);
+  if (verb == "hand_over" || verb == "deny") {
+    auto about = requester_body(station, verb_options);
+    if (!about) return about.error();
+    body = std::move(*about);
+  }
   if ((verb == "acquire" || verb == "request") && verb_options.priority > 0)
     body = fmt::format(R"({{"priority":{}}})", verb_options.priority);
   if (verb == "release" && verb_options.yes) body = R"({"confirmed":true})";
@@ -239,8 +253,8 @@ struct Verbs {
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"hand_over", "Give the lease to one who has asked for it"}, {"deny", "End somebody's request"}}) {
       one_drone(line, verb_options, name, help);
-      all.back().option("--msp", verb_options.msp, "whose, as the request says: Org2MSP").required();
-      all.back().option("--subject", verb_options.subject, "CN=...").required();
+      all.back().option("--msp", verb_options.msp, "whose, where several have: Org2MSP, with --subject");
+      all.back().option("--subject", verb_options.subject, "CN=..., with --msp");
     }
     one_drone(line, verb_options, "path",
               "Fly along a CSV file, x,y[,z[,speed]] a line in the map, in a manual flight");

@@ -196,7 +196,7 @@ int ledgerline::command::tello(int argc, char** argv) {
   landing.option("--seconds", options.seconds, "how long it is tried").within(1.0, 600.0).shows_default();
   interface(landing);
   Verb calibration =
-      line.verb("calibrate", "fly a Tello for two minutes to measure how it answers rc, and what vg means");
+      line.verb("calibrate", "fly a Tello for two to three minutes to measure how it answers rc, and what vg means");
   calibration.option("address", options.address, "its address").required();
   calibration.option("--mocap", options.mocap, "topic of its poses (PoseStamped on DDS), or none").shows_default();
   calibration.option("--config", options.config,

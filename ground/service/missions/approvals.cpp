@@ -12,7 +12,7 @@
 
 namespace ledgerline::ground::service {
 
-std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const verification::RoleTable& roles) {
+std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const verification::RolesByOrganisation& roles) {
   std::vector<crypto::IdentityName> signers;
   for (const Anchor& anchor : anchors.anchors()) {
     const crypto::IdentityName signer = to_name(anchor.signer());
@@ -21,7 +21,7 @@ std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const ver
   return signers;
 }
 
-std::vector<AnchorCall> approval_questions(const std::string& digest, const verification::RoleTable& roles) {
+std::vector<AnchorCall> approval_questions(const std::string& digest, const verification::RolesByOrganisation& roles) {
   std::vector<AnchorCall> calls;
   for (const auto& [who, role] : roles.all()) {
     if (!is_operator(role)) continue;

@@ -48,11 +48,11 @@ struct PeriodSigners {
 std::vector<crypto::IdentityName> standing_approvals(std::span<const PeriodSigners> newest_first);
 
 /// Who of those that anchored a digest is an operator or a supervisor now.
-std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const verification::RoleTable& roles);
+std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const verification::RolesByOrganisation& roles);
 
 /// Calls of verify that ask for those who may approve a digest by their own keys, so that no other identity's
 /// anchors of it stand in the way: operators and supervisors of these roles, as many a call as it answers.
-std::vector<AnchorCall> approval_questions(const std::string& digest, const verification::RoleTable& roles);
+std::vector<AnchorCall> approval_questions(const std::string& digest, const verification::RolesByOrganisation& roles);
 
 /// Ids of the missions that a block approves, or of which it withdraws an approval, valid: their approvals are to be
 /// read again. Events are not trusted; approvals are read from the ledger.

@@ -6,7 +6,8 @@
 
 namespace ledgerline::ground::service {
 
-std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const verification::RoleTable& roles) {
+std::vector<std::size_t> dismissed(const std::vector<Operator>& operators,
+                                   const verification::RolesByOrganisation& roles) {
   std::vector<std::size_t> found;
   for (std::size_t who = 0; who < operators.size(); ++who) {
     const Role role = roles.of(operators[who].identity);

@@ -45,7 +45,8 @@ class Attempts {
 
 /// Indexes of those whose role was taken or is another one by now: they sign nothing any more. One whose role the
 /// ledger does not know is not among them; the contract refuses what he signs.
-std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const verification::RoleTable& roles);
+std::vector<std::size_t> dismissed(const std::vector<Operator>& operators,
+                                   const verification::RolesByOrganisation& roles);
 
 /// Who is signed in. A session is known by its token, of which a hash is kept; it ends when it is signed out, when
 /// nothing came of it for `idle_ns`, or when its operator signs in again; the newest max_ended of those are remembered.

@@ -109,8 +109,8 @@ class Comparer {
         else
           leave_out("{}: flown in {} in {}, in {} in {}: only the same mode is compared", script,
                     modes_of(old_runs, script), old_.file, modes, new_.file);
-      } else if (runs.begin()->second->source != found->second.begin()->second->source) {
-        leave_out("{}: its text is another one in {}", script, new_.file);
+      } else if (!options_.text_may_differ && runs.begin()->second->source != found->second.begin()->second->source) {
+        leave_out("{}: its text is another one in {} (--settings compares them)", script, new_.file);
       } else {
         add_script(script, runs, found->second);
       }

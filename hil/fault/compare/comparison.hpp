@@ -38,7 +38,8 @@ struct Options {
   /// Chance, at most, that any test calls equal builds different. It bounds the tests alone: a fact (RuleChange) is no
   /// test, and is reported as it is.
   double error_rate = 0.01;
-  double least_share = 0.02;  ///< of a metric's old mean: a smaller change does not count, be it ever so certain
+  bool text_may_differ = false;  ///< of scripts of one name: what is compared is two settings, not two builds
+  double least_share = 0.02;     ///< of a metric's old mean: a smaller change does not count, be it ever so certain
 };
 
 enum class Change : std::uint8_t {

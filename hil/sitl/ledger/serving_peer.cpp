@@ -167,7 +167,7 @@ bool has(const common::Block& block, bool (*is)(const std::string& envelope)) {
   return std::any_of(block.data().data().begin(), block.data().data().end(), is);
 }
 
-void rehash(common::Block& block) { block.mutable_header()->set_data_hash(node::data_hash(block.data())); }
+void rehash(common::Block& block) { block.mutable_header()->set_data_hash(fabric::data_hash(block.data())); }
 
 /// Mixed by seed and number, so that the same flight is the same.
 std::uint64_t drawn(std::uint64_t seed, std::uint64_t number) { return Random(seed ^ (number * 0x9e3779b9ULL)).next(); }

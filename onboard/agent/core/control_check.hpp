@@ -31,11 +31,11 @@ class ControlCheck {
 
   /// The roles of the organisations that our drones belong or are granted to, as read from the ledger at start: until
   /// then a stop must be one that our own peer endorsed.
-  void set_roles(verification::RoleTable roles) { roles_ = std::move(roles); }
+  void set_roles(verification::RolesByOrganisation roles) { roles_ = std::move(roles); }
   /// Organisations that a record names since, whose roles are to be read; each is asked for once. Until add_roles()
   /// their stops must be endorsed so, too.
   verification::Organisations await_roles();
-  void add_roles(const verification::RoleTable& read) { roles_.add(read); }
+  void add_roles(const verification::RolesByOrganisation& read) { roles_.add(read); }
   /// Organisations whose roles were left out, since they are too many.
   const verification::Organisations& roles_left_out() const { return roles_.left_out(); }
   /// The record of one of our drones, as read from the ledger at start. Others are ignored.
@@ -92,7 +92,7 @@ class ControlCheck {
   std::string msp_id_;
   std::vector<Drone> drones_;
   TransactionCheck transactions_;
-  verification::RoleTable roles_;
+  verification::RolesByOrganisation roles_;
   std::deque<std::string> obeyed_stops_;  ///< transactions, newest last
   std::uint64_t refused_events_ = 0, unconfirmed_stops_ = 0;
 };

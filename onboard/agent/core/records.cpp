@@ -83,8 +83,8 @@ std::string in_short(const Control& record) {
 
 // An identity without a role and one that is not known may do the same. Of organisations that one of the two does not
 // follow, or has left out, nothing is compared.
-std::map<crypto::IdentityName, Role> roles_in_both(const verification::RoleTable& roles,
-                                                   const verification::RoleTable& others) {
+std::map<crypto::IdentityName, Role> roles_in_both(const verification::RolesByOrganisation& roles,
+                                                   const verification::RolesByOrganisation& others) {
   std::map<crypto::IdentityName, Role> out = roles.all();
   const auto followed = roles.followed(), followed_there = others.followed();
   std::erase_if(out, [&](const auto& one) {

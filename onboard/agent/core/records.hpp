@@ -14,7 +14,7 @@ namespace ledgerline::agent {
 /// Who may do what with which drone, at one block of the chain: the blocks change it from then on.
 struct FirstRecords {
   std::vector<Control> controls;
-  verification::RoleTable roles;
+  verification::RolesByOrganisation roles;
 };
 
 /// For a checkpoint: Assets as the ledger's own `get` would answer, so that nothing new has to be read back.

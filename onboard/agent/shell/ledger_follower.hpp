@@ -36,7 +36,7 @@ struct RecordsRead {
 /// The roles of organisations that a record has named since, or why they cannot be read yet.
 struct RolesRead {
   verification::Organisations organisations;
-  Result<verification::RoleTable> roles;
+  Result<verification::RolesByOrganisation> roles;
 };
 /// The records as another organisation's peer reports them, or why it does not.
 struct SecondReading {

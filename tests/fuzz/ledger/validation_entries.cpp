@@ -41,7 +41,7 @@ std::unique_ptr<Entry> sealed_anchor() {
   return std::make_unique<Function>(
       std::vector<std::string>{chain().block(0).SerializeAsString()}, [](std::string_view bytes) {
         common::Block block = parsed(bytes);
-        block.mutable_header()->set_data_hash(node::data_hash(block.data()));
+        block.mutable_header()->set_data_hash(fabric::data_hash(block.data()));
         return outcome_of(BlockValidator::from(block.SerializeAsString(), "teleop", library));
       });
 }

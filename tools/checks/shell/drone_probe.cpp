@@ -34,7 +34,7 @@ std::optional<link::Descriptor> listen_to_states(const std::string& listen, cons
   const int port = colon == std::string::npos ? 0 : std::atoi(listen.c_str() + colon + 1);
   if (!address || port <= 0 || port > 65'535) return std::nullopt;
   auto socket = link::open_udp(interface);
-  if (!socket || !link::listen_alone(*socket, tello::place(*address, static_cast<std::uint16_t>(port))))
+  if (!socket || !link::listen_alone(*socket, tello::socket_address(*address, static_cast<std::uint16_t>(port))))
     return std::nullopt;
   return std::move(*socket);
 }

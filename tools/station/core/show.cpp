@@ -40,8 +40,8 @@ std::size_t width(const std::string& text) {
 
 std::string mode_of(const json& drone) {
   const std::string mode = text_at(drone, "mode"), words = text_at(drone, "cause_words");
-  if (mode == "none") return "-";
-  return words.empty() ? mode : fmt::format("{} ({})", mode, words);
+  if (mode == "none") return words.empty() ? "-" : fmt::format("- ({}: {})", text_at(drone, "cause"), words);
+  return words.empty() ? mode : fmt::format("{} ({}: {})", mode, text_at(drone, "cause"), words);
 }
 
 std::string position_of(const json& drone) {
@@ -71,8 +71,9 @@ std::string phases_of(const json& drone) {
 
 std::vector<std::string> drone_row(const json& drone) {
   const std::string holder = text_at(drone.at("lease"), "holder");
-  std::vector<std::string> stops;
+  std::vector<std::string> stops, requests;
   for (const json& one : drone.at("stopped_by")) stops.push_back(text_of(one));
+  for (const json& one : drone.at("requests")) requests.push_back(text_at(one, "msp") + " " + text_at(one, "subject"));
   return {text_at(drone, "name"),
           phases_of(drone),
           mode_of(drone),
@@ -80,6 +81,7 @@ std::vector<std::string> drone_row(const json& drone) {
           number_or_none(drone.at("state_age_ms"), " ms", 0),
           position_of(drone),
           holder.empty() ? "-" : holder,
+          requests.empty() ? "-" : fmt::format("{}", fmt::join(requests, ", ")),
           stops.empty() ? "-" : fmt::format("{}", fmt::join(stops, ", "))};
 }
 
@@ -132,10 +134,30 @@ std::string aligned(const Rows& rows) {
 
 Result<Rows> drone_rows(std::string_view body) {
   return read_answer<Rows>(body, "drones", [](const json& read) {
-    Rows rows{{"drone", "phase", "failsafe", "battery", "age", "position m", "lease", "stopped by"}};
+    Rows rows{{"drone", "phase", "failsafe", "battery", "age", "position m", "lease", "requested by", "stopped by"}};
     for (const json& drone : read.at("drones")) rows.push_back(drone_row(drone));
     return rows;
   });
+}
+
+Result<crypto::IdentityName> only_requester(std::string_view body, const std::string& name) {
+  Status found = done;
+  auto requester = read_answer<crypto::IdentityName>(body, "drones", [&](const json& read) {
+    for (const json& drone : read.at("drones")) {
+      if (text_at(drone, "name") != name) continue;
+      const json& requests = drone.at("requests");
+      if (requests.size() == 1)
+        return crypto::IdentityName{text_at(requests[0], "msp"), text_at(requests[0], "subject")};
+      found = Error{requests.empty() ? fmt::format("{}: nobody has requested it", name)
+                                     : fmt::format("{}: {} have requested it: name one by --msp and --subject", name,
+                                                   requests.size())};
+      return crypto::IdentityName{};
+    }
+    found = Error{fmt::format("{}: this station does not fly it", name)};
+    return crypto::IdentityName{};
+  });
+  if (requester && !found) return found.error();
+  return requester;
 }
 
 Rows settled(Rows rows) {
@@ -205,7 +227,9 @@ Result<Rows> mission_rows(std::string_view body) {
   return read_answer<Rows>(body, "missions", [](const json& read) {
     Rows rows{{"id", "name", "phase", "approvals", "drones", "why"}};
     for (const json& mission : read.at("missions")) {
-      const std::string why = text_at(mission, "why");
+      std::string why = text_at(mission, "why");
+      for (const json& finding : mission.at("findings"))
+        if (why.empty() && finding.at("forbids").get<bool>()) why = text_at(finding, "words");
       rows.push_back(
           {text_at(mission, "id"), text_at(mission, "name"), shown_phase(mission),
            fmt::format("{} of {}", mission.at("approvals").size(), mission.at("approvals_needed").get<int>()),

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
 #include "tools/station/core/requests.hpp"
 
 /// The station's answers as text for people. What comes from there is made printable; an answer that is not what
@@ -24,6 +25,8 @@ std::string aligned(const Rows& rows);
 Result<Rows> drone_rows(std::string_view body);
 /// The same without what changes all the time: equal, nothing has changed that is worth a new table.
 Rows settled(Rows rows);
+/// Of a drone's requests the only one's; an error says how many there are.
+Result<crypto::IdentityName> only_requester(std::string_view body, const std::string& name);
 
 /// "takeoff" brings a drone into the air; "land", "stop" and "cut" to the ground, the last two with a stop on the
 /// ledger.

@@ -86,7 +86,9 @@ Result<Target> target_of(const Options& options, const Environment& environment)
   const bool is_named = !options.config.empty() || !options.url.empty() || !environment(station_variable).empty();
   const std::string config = is_named ? options.config : flight_config(environment);
   if (!config.empty()) {
-    if (!is_named) target.hint = "; " + config + " names it: where that flight has ended, remove this file";
+    if (!is_named)
+      target.hint =
+          "; " + config + " names it: of a flight that has ended ground.log and report.html tell, and this file may go";
     auto read = service_of(config);
     if (!read) return Error{read.error().message + target.hint};
     service = std::move(*read);

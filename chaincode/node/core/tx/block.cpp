@@ -16,8 +16,6 @@
 namespace ledgerline::node {
 namespace {
 
-std::string to_string(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
-
 /// Maps in protobuf have no order of their own; the config block needs one, since it is hashed.
 std::string serialize(const google::protobuf::MessageLite& message) {
   std::string bytes;

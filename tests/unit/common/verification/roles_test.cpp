@@ -124,7 +124,7 @@ TEST(RolesTest, ALedgerThatDoesNotAnswerIsAnError) {
 }
 
 TEST(RolesTest, EventsOfOneOrganisationFillItsOwnBoundAlone) {
-  RoleTable roles;
+  RolesByOrganisation roles;
   for (std::size_t i = 0; i < contract::max_organisation_roles + 50; ++i)
     roles.apply({to_message({"Org3MSP", "CN=s" + std::to_string(i)}), OPERATOR});
   roles.apply({to_message(pilot), OPERATOR});
@@ -136,12 +136,12 @@ TEST(RolesTest, EventsOfOneOrganisationFillItsOwnBoundAlone) {
 }
 
 TEST(RolesTest, WhatIsReadLaterDoesNotUndoAnEventSince) {
-  RoleTable roles;
+  RolesByOrganisation roles;
   roles.await("Org2MSP");
   EXPECT_TRUE(roles.follows("Org2MSP"));
   EXPECT_THAT(roles.followed(), IsEmpty()) << "it may not be compared yet";
   roles.apply({to_message(pilot), REVOKED});
-  RoleTable read;
+  RolesByOrganisation read;
   read.apply({to_message(pilot), OPERATOR});
   read.apply({to_message({"Org2MSP", "CN=rival"}), OPERATOR});
   roles.add(read);

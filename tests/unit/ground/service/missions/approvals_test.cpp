@@ -23,7 +23,7 @@ Anchor anchor_of(const crypto::IdentityName& signer, const std::string& what) {
 }
 
 TEST(MissionApprovals, AreOfOperatorsAndSupervisors) {
-  verification::RoleTable roles;
+  verification::RolesByOrganisation roles;
   roles.apply({to_message(first), OPERATOR});
   roles.apply({to_message(second), SUPERVISOR});
   roles.apply({to_message(outsider_name), AUDITOR});
@@ -38,7 +38,7 @@ TEST(MissionApprovals, AreOfOperatorsAndSupervisors) {
 }
 
 TEST(MissionApprovals, AreAskedForByTheKeysOfThoseWhoMayApprove) {
-  verification::RoleTable roles;
+  verification::RolesByOrganisation roles;
   EXPECT_THAT(approval_questions("digest", roles), IsEmpty()) << "nobody may";
   for (int i = 0; i < 70; ++i) roles.apply({to_message({"Org2MSP", "CN=" + std::to_string(i)}), OPERATOR});
   roles.apply({to_message(first), SUPERVISOR});

@@ -86,7 +86,7 @@ TEST(SignIns, WhoIsDismissedLosesHisSessionAndBeginsNone) {
 TEST(SignIns, DismissedAreThoseWhoseRoleIsAnotherThanAnOperators) {
   const auto one = [](const char* name) { return Operator{name, {"Org2MSP", std::string("CN=") + name}}; };
   const std::vector<Operator> operators{one("alice"), one("bob"), one("carol"), one("dave"), one("eve")};
-  verification::RoleTable roles;
+  verification::RolesByOrganisation roles;
   const Role given[] = {OPERATOR, REVOKED, SUPERVISOR, AUDITOR};
   for (std::size_t i = 0; i < std::size(given); ++i) roles.apply({to_message(operators[i].identity), given[i]});
   EXPECT_THAT(dismissed(operators, roles), ElementsAre(1U, 3U));

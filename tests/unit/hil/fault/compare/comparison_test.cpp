@@ -317,7 +317,7 @@ TEST(Comparison, SaysWhatItCouldNotCompare) {
   EXPECT_EQ(comparison.scripts, 1U);
   EXPECT_THAT(comparison.cannot_tell, ElementsAre("build2.json lacks 20 runs that build1.json has"));
   for (const char* wanted :
-       {"script1: its text is another one in build2.json", "script3: only in build1.json",
+       {"script1: its text is another one in build2.json (--settings compares them)", "script3: only in build1.json",
         "script2: 10 runs whose seed is in one file alone", "wings: no figure that this program knows",
         "script2: path_rms_m: of 0 seeds only build1.json has it, of 1 only build2.json"})
     EXPECT_THAT(comparison.left_out, Contains(wanted));

@@ -87,7 +87,7 @@ class IntegrityInCore : public ::testing::Test {
   }
   IntegrityInCore() {
     core_.set_control(start, control("tello1", 1));
-    verification::RoleTable roles;
+    verification::RolesByOrganisation roles;
     roles.apply({to_message(LedgerOfTests::operator_name()), OPERATOR});
     core_.control().set_roles(std::move(roles));
   }

@@ -29,7 +29,7 @@ class StopCheckTest : public ::testing::Test {
   void start(const Control& record) {
     check_.emplace(CommandCheckSettings{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
     check_->control().set_control(record);
-    verification::RoleTable roles;
+    verification::RolesByOrganisation roles;
     for (const auto& who : {holder, guard, outsider}) roles.apply({to_message(who), OPERATOR});
     check_->control().set_roles(std::move(roles));
   }
@@ -112,7 +112,7 @@ TEST_F(StopCheckTest, TheRolesOfAnOrganisationThatADroneIsGrantedToAreReadThen) 
   EXPECT_TRUE(check_->control().await_roles().empty()) << "once";
   const crypto::IdentityName far{"Org4MSP", "CN=User1@org4.ledgerline"};
   expect_refused(stop(far, conflict), "nobody knows yet what it may");
-  verification::RoleTable read;
+  verification::RolesByOrganisation read;
   read.apply({to_message(far), OPERATOR});
   check_->control().add_roles(read);
   EXPECT_EQ(give(stop(far, conflict)).plans.size(), 1U);
