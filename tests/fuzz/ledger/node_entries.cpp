@@ -1,4 +1,5 @@
 #include "chaincode/node/core/tx/messages.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
@@ -247,7 +248,7 @@ class ReplayEntry final : public Entry {
     common::Block block, good;
     if (!read(block, bytes) || !read(good, net_->chain.back())) return std::string(bytes);
     *block.mutable_header() = good.header();
-    block.mutable_header()->set_data_hash(data_hash(block.data()));
+    block.mutable_header()->set_data_hash(fabric::data_hash(block.data()));
     return block.SerializeAsString();
   }
 

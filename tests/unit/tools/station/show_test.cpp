@@ -25,6 +25,7 @@ json drone(const std::string& name, const std::string& phase) {
           {"state_age_ms", 41.7},
           {"position", {1.0, -0.04, 1.26}},
           {"lease", {{"holder", "Org2MSP CN=alice"}}},
+          {"requests", json::array()},
           {"stopped_by", json::array()}};
 }
 std::string drones(const std::vector<json>& all) { return json{{"drones", all}}.dump(); }
@@ -115,7 +116,9 @@ TEST(TheTableOfDrones, SaysWhatIsKnownOfEach) {
   json held = drone("tello2", "manual");
   held["paused"] = true;
   held["mode"] = "hold";
+  held["cause"] = "plan_ran_out";
   held["cause_words"] = "no new command";
+  held["requests"] = {{{"msp", "Org2MSP"}, {"subject", "CN=bob"}, {"priority", 1}}};
   held["stopped_by"] = {"Org1MSP CN=eve"};
   json unknown = drone("tello3", "waiting");
   for (const char* key : {"battery_percent", "state_age_ms", "position"}) unknown[key] = nullptr;
@@ -126,13 +129,26 @@ TEST(TheTableOfDrones, SaysWhatIsKnownOfEach) {
   const auto rows = drone_rows(drones({drone("tello1", "path"), held, unknown, waiting}));
   ASSERT_TRUE(rows) << rows.error().message;
   ASSERT_EQ(rows->size(), 5U);
-  EXPECT_THAT((*rows)[1],
-              ElementsAre("tello1", "path (flying)", "-", "87 %", "42 ms", "1.0 0.0 1.3", "Org2MSP CN=alice", "-"));
+  EXPECT_THAT((*rows)[1], ElementsAre("tello1", "path (flying)", "-", "87 %", "42 ms", "1.0 0.0 1.3",
+                                      "Org2MSP CN=alice", "-", "-"));
   EXPECT_EQ((*rows)[2][1], "manual, paused (flying)");
-  EXPECT_EQ((*rows)[2][2], "hold (no new command)");
-  EXPECT_EQ((*rows)[2][7], "Org1MSP CN=eve");
-  EXPECT_THAT((*rows)[3], ElementsAre("tello3", "waiting (not heard)", "-", "-", "-", "-", "-", "-"));
+  EXPECT_EQ((*rows)[2][2], "hold (plan_ran_out: no new command)");
+  EXPECT_EQ((*rows)[2][7], "Org2MSP CN=bob");
+  EXPECT_EQ((*rows)[2][8], "Org1MSP CN=eve");
+  EXPECT_THAT((*rows)[3], ElementsAre("tello3", "waiting (not heard)", "-", "-", "-", "-", "-", "-", "-"));
   EXPECT_EQ((*rows)[4][1], "waiting") << "on the ground, as everyone who waits";
+}
+
+TEST(TheOnlyRequester, IsFoundWhereThereIsOne) {
+  json wanted = drone("tello2", "manual"), fought_over = drone("tello3", "manual");
+  wanted["requests"] = {{{"msp", "Org2MSP"}, {"subject", "CN=bob"}, {"priority", 1}}};
+  fought_over["requests"] = {wanted["requests"][0], wanted["requests"][0]};
+  const std::string all = drones({drone("tello1", "manual"), wanted, fought_over});
+  EXPECT_EQ(only_requester(all, "tello2")->subject, "CN=bob");
+  EXPECT_EQ(only_requester(all, "tello1").error().message, "tello1: nobody has requested it");
+  EXPECT_THAT(only_requester(all, "tello3").error().message, HasSubstr("2 have requested it"));
+  EXPECT_FALSE(only_requester(all, "tello9"));
+  EXPECT_FALSE(only_requester("{}", "tello2"));
 }
 
 TEST(TheTableOfDrones, IsTheSameUntilMoreThanAgesChange) {
@@ -169,6 +185,9 @@ TEST(TheTableOfMissions, CountsApprovals) {
   const auto rows = mission_rows(missions({mission_json("checked")}));
   ASSERT_TRUE(rows) << rows.error().message;
   EXPECT_THAT((*rows)[1], ElementsAre("3f5a9c01d2e4", "survey", "checked", "1 of 1", "tello1, tello2", "-"));
+  json forbidden = mission_json("checked");
+  forbidden["findings"].push_back({{"drone", "tello9"}, {"words", "tello9 does not fly here"}, {"forbids", true}});
+  EXPECT_EQ(mission_rows(missions({forbidden}))->at(1).back(), "tello9 does not fly here");
 }
 
 TEST(AMission, IsShownWithWhatItsCheckFound) {
