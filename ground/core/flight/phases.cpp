@@ -278,6 +278,8 @@ Status Phases::check_ready(TimeNs now) const {
   if (is_stopped(lease_.stoppers)) return Error{"it is stopped by " + stopper_names(lease_.stoppers)};
   if (!lease_.may_command)
     return Error{lease_.holder ? "its lease is held by " + holder_words(lease_) : "nobody holds its lease"};
+  // It may have been switched off, or taken off by another, since.
+  if (now - seen_.received_ns > config_.limits.silence_ns) return Error{silence_words(now, config_.limits.silence_ns)};
   if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return check_pose(now);
   if (seen_.state.phase == LinkPhase::disconnected) return Error{"link does not reach it"};
   if (is_in_flight(seen_.state.phase)) return done;

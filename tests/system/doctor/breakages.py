@@ -1,7 +1,9 @@
 """One thing broken at a time, and repaired: each is a context."""
 import contextlib
 import dataclasses
+import hashlib
 import pathlib
+import re
 import shutil
 import socket
 import subprocess
@@ -63,6 +65,17 @@ def signed(days: int):
 
 def copy_of(source: str):
     return lambda path, machines: shutil.copy(machines.root / source, path)
+
+
+def of_another_chain(path: pathlib.Path, _: Machines) -> None:
+    """Its checkpoint is of a block that the ledger will not have for long."""
+    text = path.read_text()
+    folder = re.search(r'msp_dir = "(.+)/msp"', text).group(1)
+    checkpoint = f"ledgerline checkpoint 1\nchannel teleop\nblock 1000000\nhash {'00' * 32}\nrecords 0\n"
+    (path.parent / "later.checkpoint").write_text(f"{checkpoint}\nsum {hashlib.sha256(checkpoint.encode()).hexdigest()}\n")
+    text, count = re.subn(r'(?m)^checkpoint = ".*"', f'checkpoint = "{folder}/later.checkpoint"', text)
+    assert count == 1, text
+    path.write_text(text)
 
 
 def away(name: str):
@@ -197,6 +210,7 @@ ALL = [
     Breakage("anchor_wrong", "raven", edited("raven", "agent.toml", 'channel = "teleop"', 'channel = "other"')),
     Breakage("authority_unreadable", "raven", away("raven/etc/authorities/Org3MSP.pem")),
     Breakage("authority_foreign", "ground", changed("ground", "authorities/Org1MSP.pem", copy_of("ground/etc/authorities/Org2MSP.pem"))),
+    Breakage("checkpoint_refused", "raven", changed("raven", "agent.toml", of_another_chain)),
     Breakage("name_unknown", "raven", edited("raven", "agent.toml", PEER, "tower.invalid:7051")),
     Breakage("no_route", "raven", edited("raven", "agent.toml", PEER, "203.0.113.1:7051")),
     Breakage("port_closed", "raven", edited("raven", "agent.toml", PEER, "10.77.0.2:7050")),

@@ -111,6 +111,9 @@ namespace ledgerline::checks {
     "its words say why: another channel's name, an unknown identity")                                                 \
   X(peer_lags, warning, "the peer has fewer blocks than another organisation's",                                      \
     "look at its log, its disk and its way to the orderers")                                                          \
+  X(checkpoint_refused, broken,                                                                                       \
+    "the file of [output] checkpoint is damaged, or the peer's chain is not the one it is of",                        \
+    "compare with another organisation's peer; where a copy was put back on purpose, remove the file")                \
   X(contract_silent, broken, "the peer does not reach the contract's service",                                        \
     "start `ledgerline-chaincode` where the package's `--address` leads (docs/own-fabric.md)")                        \
   X(contract_missing, broken, "the channel has no contract of that name",                                             \

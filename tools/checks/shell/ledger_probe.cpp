@@ -10,6 +10,7 @@
 #include "common/base/file.hpp"
 #include "common/common.pb.h"
 #include "common/config/config.hpp"
+#include "common/fabric/blocks/checkpoint.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/validation/channel_config.hpp"
@@ -140,6 +141,27 @@ std::optional<std::set<std::string>> query_records(Peer& peer, const ProgramConf
   return owners;
 }
 
+/// Whether the peer's chain goes on behind what the program has verified: else it would not start.
+void compare_with_checkpoint(Peer& peer, const ProgramConfig& one, const std::string& checkpoint,
+                             const std::string& newest_block, Findings& out) {
+  const auto refused = [&](const Error& why) {
+    out.push_back(flag(Problem::checkpoint_refused, "chain", fmt::format("{}: {}", one.file, why.message)));
+  };
+  const auto kept = fabric::read_checkpoint(checkpoint, one.ledger->channel);
+  if (!kept) return refused(kept.error());
+  common::Block newest;
+  if (!*kept || !newest.ParseFromString(newest_block)) return;
+  bool answered = true;
+  const auto fetch = [&](std::uint64_t number) -> Result<common::Block> {
+    common::Block block;
+    const auto bytes = peer.block(number);
+    answered = bytes.ok() && block.ParseFromString(*bytes);
+    return answered ? Result<common::Block>(std::move(block)) : Result<common::Block>(Error{"it is no block"});
+  };
+  const auto behind = fabric::continue_behind({**kept, 0}, newest, fetch);
+  if (!behind && answered) refused(behind.error());
+}
+
 }  // namespace
 
 Findings query_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
@@ -168,7 +190,11 @@ Findings query_ledger(const ProgramConfig& one, const std::string& anchor, bool 
   std::this_thread::sleep_for(between_heights);
   HeightInputs inputs{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
   if (auto later = peer->height()) inputs.later = *later;
-  if (auto block = peer->block(inputs.later - 1)) inputs.newest_age_ns = age_of_block(*block, realtime_ns());
+  const std::string checkpoint = one.label.empty() ? config->text("output.checkpoint", "") : "";
+  if (auto block = peer->block(inputs.later - 1)) {
+    inputs.newest_age_ns = age_of_block(*block, realtime_ns());
+    compare_with_checkpoint(*peer, one, checkpoint, *block, out);
+  }
   for (const ServerKeys& other : one.ledger->endorsers) {
     if (other.endpoint == one.ledger->peer.endpoint || inputs.elsewhere) continue;
     auto second = Peer::create(client_at(other, *ledger));

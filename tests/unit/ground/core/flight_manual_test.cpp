@@ -47,6 +47,19 @@ TEST(ManualFlight, StandsOnTheGroundUntilItsPilotSaysTakeOff) {
   EXPECT_EQ(world.drones[0].plans.front().action(), TAKEOFF);
 }
 
+TEST(ManualFlight, OneOfWhichNothingIsHeardDoesNotTakeOff) {
+  FlightWorld world(manual_config(1));
+  world.run(1);
+  world.drones[0].silent = true;
+  world.run(5.5);
+  world.say(takeoff());
+  world.run(1);
+  EXPECT_EQ(world.core.status(0).phase, GroundPhase::waiting);
+  EXPECT_TRUE(world.calls.empty());
+  ASSERT_EQ(world.notes.size(), 1U);
+  EXPECT_THAT(world.notes[0], HasSubstr("tello1: no take-off: no state came for 5.0 s"));
+}
+
 TEST(ManualFlight, HandedOverItWaitsAndHandedBackItFliesOn) {
   Flying world;
   ASSERT_TRUE(world.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));
