@@ -240,6 +240,8 @@ std::string describe(const grpc::Status& status) {
   if (is_unreached(status))
     return fmt::format("not reached: is it up, and are endpoint, tls_ca and server_name its own? ({})", own);
   if (own == "Deadline Exceeded") return "no answer in time";  // gRPC's own words: the server said nothing
+  if (own.empty() && status.error_code() == grpc::StatusCode::UNIMPLEMENTED)
+    return "this endpoint does not offer that: it is no gateway (of `ledgerline node` the first endpoint is)";
   if (!wrapper.ParseFromString(status.error_details())) return own;
   const auto& fields = wrapper.GetReflection()->GetUnknownFields(wrapper);
   for (int i = 0; i < fields.field_count(); ++i) {

@@ -198,5 +198,10 @@ TEST_F(ClientTls, APairIsWholeAndItsKeyPrivate) {
   EXPECT_NE(reached(server).find("may be read by others"), std::string::npos);
 }
 
+TEST(WhatAServerSays, NamesTheGatewayThatAnEndpointIsNot) {
+  EXPECT_THAT(describe({grpc::StatusCode::UNIMPLEMENTED, ""}), testing::HasSubstr("it is no gateway"));
+  EXPECT_EQ(describe({grpc::StatusCode::UNAVAILABLE, "busy"}), "busy");
+}
+
 }  // namespace
 }  // namespace ledgerline::fabric
