@@ -18,13 +18,12 @@ Result<std::int64_t> parse_time_s(const std::string& text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
   if (error == std::errc() && end == text.data() + text.size() && seconds >= 0 && seconds <= max_time_s) return seconds;
   std::tm utc{};
-  // As audits print it, too: "2026-11-29 01:02:03".
-  const bool as_printed = text.size() > 10 && text[10] == ' ';
-  const char* const rest = ::strptime(text.c_str(), as_printed ? "%Y-%m-%d %H:%M:%S" : "%Y-%m-%dT%H:%M:%S%z", &utc);
-  if (rest == nullptr || *rest != '\0' || utc.tm_year < 70 || utc.tm_year > 350)
-    return Error{printable(text) + " is no time as 2026-11-29T01:02:03Z, nor seconds since 1970"};
+  const char* const rest = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%S%z", &utc);
   const std::int64_t east_s = utc.tm_gmtoff;
-  return std::int64_t{::timegm(&utc)} - east_s;
+  const std::int64_t time_s = std::int64_t{::timegm(&utc)} - east_s;
+  if (rest == nullptr || *rest != '\0' || utc.tm_year < 70 || utc.tm_year > 350 || time_s < 0)
+    return Error{printable(text) + " is no time as 2026-11-29T01:02:03Z or 02:02:03+01:00, nor seconds since 1970"};
+  return time_s;
 }
 
 Result<std::int64_t> parse_time_ns(const std::string& text) {

@@ -58,7 +58,8 @@ Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on
       drone_of_topic_.push_back(i);
       read.push_back({topic_of(*topic, drones_[i]), std::string(topic->type), {.reliable = topic->reliable}});
       if (std::ranges::find(topics, topic) == topics.end()) {
-        read.back().not_read = settings.topics ? "[pilot] emergency = true reads it" : "[pilot] topics = true reads it";
+        read.back().not_read =
+            one.cuts ? "[pilot] topics = true and emergency = true read it" : "[pilot] topics = true reads it";
         continue;
       }
       auto reader =
@@ -88,7 +89,10 @@ std::vector<std::string> RosTopics::unheard() const {
   const std::lock_guard lock(unheard_mutex_);
   if (unheard_why_.empty()) return {};
   std::vector<std::string> why(drones_.size());
-  for (const auto& [topic, words] : unheard_why_) why[drone_of_topic_[topic]] = words;
+  for (const auto& [topic, words] : unheard_why_) {
+    std::string& all = why[drone_of_topic_[topic]];
+    all += (all.empty() ? "" : "; ") + words;
+  }
   return why;
 }
 

@@ -39,9 +39,13 @@ struct Plan {
   std::optional<fabric::ClientConfig> peer;
 };
 
-/// An empty one leaves `time_ns` as it is.
-Status read_time(const char* option, const std::string& text, TimeNs& time_ns) {
+/// As parse_time_ns() has it, or as audits print it: "2026-11-29 01:02:03". An empty one leaves `time_ns` as it is.
+Status read_time(const char* option, std::string text, TimeNs& time_ns) {
   if (text.empty()) return done;
+  if (constexpr std::size_t date = 10; text.size() > date && text[date] == ' ') {
+    text[date] = 'T';
+    text += 'Z';
+  }
   const auto time = parse_time_ns(text);
   if (!time) return Error{fmt::format("{}: {}", option, time.error().message)};
   time_ns = *time;

@@ -199,6 +199,7 @@ Status act_and_wait(Station& station, const Target& target, const VerbOptions& v
 /// Empty: what was asked for makes sense.
 std::string nonsense(const VerbOptions& verb_options, const std::string& verb, bool is_for_many) {
   if (verb_options.wait && !has_an_end(verb)) return "--wait goes with takeoff, land, stop and cut";
+  if (verb_options.msp.empty() != verb_options.subject.empty()) return "--msp and --subject go together";
   if (!verb.empty() && verb_options.watch) return "--watch goes with the table alone";
   if (is_for_many && verb_options.names.empty() != verb_options.all) return "either names, or --all";
   for (const std::string& name : verb_options.names) {

@@ -53,9 +53,9 @@ Result<TlsServer> serve_by_tls(const TlsEndpoint& at, const std::vector<grpc::Se
                                             ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
                                             : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
   // gRPC would say of a pair that does not fit that it cannot listen.
-  if (const auto fits = crypto::own_first(at.key_pem, at.certificate_pem); !fits)
-    return Error{fmt::format("{}: TLS key and certificate: {}", at.listen, fits.error().message)};
-  tls.pem_key_cert_pairs.push_back({at.key_pem, at.certificate_pem});
+  const auto own = crypto::own_first(at.key_pem, at.certificate_pem);
+  if (!own) return Error{fmt::format("{}: TLS key and certificate: {}", at.listen, own.error().message)};
+  tls.pem_key_cert_pairs.push_back({at.key_pem, *own});
   tls.pem_root_certs = at.client_authorities_pem;
   return serve(at, grpc::SslServerCredentials(tls), services);
 }

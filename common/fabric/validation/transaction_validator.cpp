@@ -44,7 +44,7 @@ class TransactionValidator {
     verdict.code = form.code;
     // A malformed result is reported only after a used id and a malformed header extension.
     const bool formed = form.code == protos::VALID || form.code == protos::BAD_RESPONSE_PAYLOAD;
-    if (!formed) return refuse(std::move(verdict), form.code, "its form or its creator's signature is failure");
+    if (!formed) return refuse(std::move(verdict), form.code, "its form or its creator's signature is wrong");
     if (form.channel_header.channel_id() != rules_.channel)
       return refuse(std::move(verdict), protos::TARGET_CHAIN_NOT_FOUND, "it is of another channel");
     if (form.config) return verdict;

@@ -80,7 +80,7 @@ class Refusals {
 /// looks. Deterministic; one thread.
 class Board {
  public:
-  /// Events since the look before: phases, failsafe, lease, stops, and the flights's notes.
+  /// Events since the look before: phases, failsafe, lease, stops, and the flight's notes.
   std::vector<Event> update(TimeNs now, const FlightView& flights, const std::vector<std::string>& notes);
   /// An event of the station itself.
   Event make_event(TimeNs now, Level level, const std::string& drone, std::string text);

@@ -232,10 +232,11 @@ def test_what_makes_no_sense_is_bad_usage_and_a_wrong_token_is_refused(tmp_path)
         assert "--wait" in person.says("drones", verb, "--help")
     assert "did you mean" not in person.misused("drones", "resume", "tello1", "--all")
     for words in (("stop",), ("land",), ("stop", "tello1", "--all"), ("takeoff",), ("wings",), ("takeoff", "a/b"), ("stop", "--all", "--watch"), ("path", "tello1", "none.csv"),
-                  ("hand_over", "tello1"), ("login",)):
+                  ("hand_over", "tello1", "--msp", "Org2MSP"), ("login",)):
         person.misused("drones", *words)
     for words in (("add", "none.csv"), ("start",), ("start", "../x")):
         person.misused("missions", *words)
+    assert "nobody has requested it" in person.refused("drones", "hand_over", "tello1")
     reported = person.refused("drones", "land", "tello8", "tello9")
     assert reported.count("flies here") == 2 and "2 of 2 drones: not done" in reported
     # Without operators ground's own identity signs all, and nobody signs in.

@@ -41,10 +41,10 @@ TEST(Utf8, IsWhatConfigsCanHold) {
 TEST(ATime, IsOfTheClockOrInSeconds) {
   EXPECT_EQ(*parse_time_s("2023-11-14T22:13:20Z"), 1'700'000'000);
   EXPECT_EQ(*parse_time_s("1700000000"), 1'700'000'000);
-  EXPECT_EQ(*parse_time_s("2023-11-14 22:13:20"), 1'700'000'000) << "as audits print it";
   EXPECT_EQ(*parse_time_s("2023-11-14T23:13:20+01:00"), 1'700'000'000);
   EXPECT_EQ(*parse_time_ns("2023-11-14T23:13:20.5+01:00"), 1'700'000'000'500'000'000);
-  for (const char* wrong : {"", "yesterday", "-5", "2023-11-14", "2023-11-14T22:13:20", "99999999999999999999"})
+  for (const char* wrong : {"", "yesterday", "-5", "2023-11-14", "2023-11-14T22:13:20", "2023-11-14 22:13:20",
+                            "1970-01-01T00:00:00+01:00", "99999999999999999999"})
     EXPECT_FALSE(parse_time_s(wrong)) << wrong;
 }
 
