@@ -76,6 +76,7 @@ void Station::show(TimeNs now_ns) {
   board.state = service::Board::state_message(now_ns, view_, board.drones);
   board.aloft = service::aloft_of(view_);
   board.stopped = service::stopped_of(view_);
+  board.unplaced = service::unplaced_of(view_);
   board.stopped_by_ground = service::stopped_by_ground(view_);
   board.leases = service::leases_of(view_);
   for (std::size_t drone = 0; drone < names_.size(); ++drone) board.phases.push_back(view_.status(drone).phase);

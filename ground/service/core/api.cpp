@@ -428,6 +428,7 @@ std::string phase_problem(const PilotCommand& command, const ApiContext& known) 
   if (phase == GroundPhase::landing) return name + " is landing: wait until it is on the ground";
   if (command.takeoff && is_in_air(phase)) return name + " is in the air already: land it first";
   if (phase == GroundPhase::takeoff) return name + " is taking off: wait until it hovers";
+  if (command.order && has(known.unplaced, command.drone)) return name + " has no pose, and a path needs one";
   if (is_in_air(phase)) return "";
   if (has(known.stopped, command.drone)) return name + " is stopped: clear the stop first";
   if (command.takeoff || has(known.aloft, command.drone)) return "";

@@ -86,6 +86,7 @@ struct BoardState {
   std::vector<std::size_t> aloft{};    ///< indexes of the drones that are off the ground, or not known to be on it
   std::vector<std::size_t> stopped{};  ///< indexes of the drones that somebody has stopped
   std::vector<std::size_t> stopped_by_ground{};  ///< those that ground alone has stopped
+  std::vector<std::size_t> unplaced{};           ///< indexes of the drones whose position is not known
   std::vector<LeaseState> leases{};              ///< of all drones
   std::vector<GroundPhase> phases{};             ///< of all drones
 };
@@ -97,13 +98,13 @@ struct ApiContext {
   const std::deque<Event>& events;         ///< oldest first
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
   const FaultList* faults = nullptr;       ///< null: none are switched here
-  std::span<const std::size_t> aloft{}, stopped{}, stopped_by_ground{};  ///< as in BoardState
-  std::span<const LeaseState> leases{};                                  ///< as in BoardState; none: not known yet
-  std::span<const GroundPhase> phases{};                                 ///< as in BoardState; none: not known yet
-  bool manual = true;                                                    ///< else each drone flies its flight's path
-  const mission::Fence* fence = nullptr;                                 ///< of paths; null: none is known
-  double height_m = 1;                                                   ///< of waypoints without one
-  TimeNs now_ns = 0;                                                     ///< ground's clock
+  std::span<const std::size_t> aloft{}, stopped{}, stopped_by_ground{}, unplaced{};  ///< as in BoardState
+  std::span<const LeaseState> leases{};   ///< as in BoardState; none: not known yet
+  std::span<const GroundPhase> phases{};  ///< as in BoardState; none: not known yet
+  bool manual = true;                     ///< else each drone flies its flight's path
+  const mission::Fence* fence = nullptr;  ///< of paths; null: none is known
+  double height_m = 1;                    ///< of waypoints without one
+  TimeNs now_ns = 0;                      ///< ground's clock
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const ApiContext& known);

@@ -27,6 +27,15 @@ std::vector<std::size_t> stopped_of(const FlightView& flights) {
   return stopped;
 }
 
+std::vector<std::size_t> unplaced_of(const FlightView& flights) {
+  std::vector<std::size_t> unplaced;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    const IntakeState& seen = flights.intake(drone);
+    if (seen.has_state && seen.state.pose_stamp_ns == 0) unplaced.push_back(drone);
+  }
+  return unplaced;
+}
+
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
   const Identity ground = to_message(flights.config().self);
   std::vector<std::size_t> stopped;

@@ -16,6 +16,8 @@ bool is_aloft(const FlightView& flights, std::size_t drone);
 std::vector<std::size_t> aloft_of(const FlightView& flights);
 /// Indexes of the drones that somebody has stopped.
 std::vector<std::size_t> stopped_of(const FlightView& flights);
+/// Those whose position is not known: they fly no path.
+std::vector<std::size_t> unplaced_of(const FlightView& flights);
 /// Indexes of the drones that ground's own identity has stopped, and nobody else.
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights);
 

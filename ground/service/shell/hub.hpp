@@ -98,6 +98,7 @@ class Hub {
             .aloft = newest_.aloft,
             .stopped = newest_.stopped,
             .stopped_by_ground = newest_.stopped_by_ground,
+            .unplaced = newest_.unplaced,
             .leases = newest_.leases,
             .phases = newest_.phases,
             .manual = greeting_.manual,

@@ -14,11 +14,13 @@ class Api : public testing::Test {
  protected:
   ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "",
                 std::optional<std::size_t> who = {}) {
-    return answer({method, target, body, who}, {names, drones, R"({"tello1":[[1,2,3]]})", events, operators, nullptr,
-                                                aloft, stopped, stopped_by_ground, leases, phases, manual, &fence});
+    return answer({method, target, body, who},
+                  {names, drones, R"({"tello1":[[1,2,3]]})", events, operators, nullptr, aloft, stopped,
+                   stopped_by_ground, unplaced, leases, phases, manual, &fence});
   }
   std::vector<std::size_t> aloft;              ///< on the ground: all
   std::vector<std::size_t> stopped;            ///< none
+  std::vector<std::size_t> unplaced;           ///< none
   std::vector<std::size_t> stopped_by_ground;  ///< none
   std::vector<LeaseState> leases;              ///< not known
   std::vector<GroundPhase> phases;             ///< not known
@@ -191,6 +193,9 @@ TEST_F(Api, AnOrderThatDoesNotFitTheDronesPhaseIsRefusedAtOnce) {
   EXPECT_THAT(refused("path"), HasSubstr("is taking off: wait"));
   phases[0] = GroundPhase::manual;
   EXPECT_EQ(refused("path"), "");
+  unplaced = {0};
+  for (const char* verb : {"path", "return"}) EXPECT_THAT(refused(verb), HasSubstr("has no pose")) << verb;
+  unplaced = {};
   EXPECT_THAT(refused("takeoff"), HasSubstr("in the air already: land it first"));
   phases[0] = GroundPhase::landing;
   for (const char* verb : {"takeoff", "path"}) EXPECT_THAT(refused(verb), HasSubstr("is landing: wait")) << verb;
