@@ -199,7 +199,7 @@ TEST_F(ClientTls, APairIsWholeAndItsKeyPrivate) {
 }
 
 TEST(WhatAServerSays, NamesTheGatewayThatAnEndpointIsNot) {
-  EXPECT_THAT(describe({grpc::StatusCode::UNIMPLEMENTED, ""}), testing::HasSubstr("it is no gateway"));
+  EXPECT_NE(describe({grpc::StatusCode::UNIMPLEMENTED, ""}).find("it is no gateway"), std::string::npos);
   EXPECT_EQ(describe({grpc::StatusCode::UNAVAILABLE, "busy"}), "busy");
 }
 
