@@ -69,7 +69,8 @@ def test_nobody_answers_for_a_peer_that_says_nothing(tmp_path, ledger, enroll, d
     with asleep(ledger, 3):
         done = ask(ledger, tmp_path, 3, "get", "control/silenced", deadline_ms=2_000)
         assert done.returncode == 1 and not done.stdout, done
-        assert "no answer in time" in done.stderr, done.stderr
+        # A new connection's handshake may be given up at the same moment as the call.
+        assert "no answer in time" in done.stderr or "not reached" in done.stderr, done.stderr
         for organisation in (1, 2):
             assert control(ledger, tmp_path, organisation, "silenced") == record
     assert control(ledger, tmp_path, 3, "silenced") == record
