@@ -53,7 +53,7 @@ class RosTopics {
   TimeNs next_warning_ns_ = 0;
   mutable std::mutex unheard_mutex_;
   std::map<std::size_t, std::string> unheard_why_;  ///< by index into drone_of_topic_
-  std::optional<dds::Discovery> discovery_;         ///< of the topics that are read
+  std::optional<dds::Discovery> discovery_;         ///< of pilots' topics
 };
 
 }  // namespace ledgerline::ground

@@ -6,45 +6,47 @@
 
 namespace ledgerline::ground::service {
 
+namespace {
+
+template <typename Holds>
+std::vector<std::size_t> drones_where(const FlightView& flights, const Holds& holds) {
+  std::vector<std::size_t> found;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    if (holds(drone)) found.push_back(drone);
+  }
+  return found;
+}
+
+}  // namespace
+
 bool is_aloft(const FlightView& flights, std::size_t drone) {
   const IntakeState& seen = flights.intake(drone);
   return is_flown(flights.status(drone).phase) || (seen.has_state && is_in_flight(seen.state.phase));
 }
 
 std::vector<std::size_t> aloft_of(const FlightView& flights) {
-  std::vector<std::size_t> aloft;
-  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
-    if (is_aloft(flights, drone) || !flights.intake(drone).has_state) aloft.push_back(drone);
-  }
-  return aloft;
+  return drones_where(flights,
+                      [&](std::size_t drone) { return is_aloft(flights, drone) || !flights.intake(drone).has_state; });
 }
 
 std::vector<std::size_t> stopped_of(const FlightView& flights) {
-  std::vector<std::size_t> stopped;
-  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
-    if (flights.lease(drone).stoppers.stoppers_size() > 0) stopped.push_back(drone);
-  }
-  return stopped;
+  return drones_where(flights, [&](std::size_t drone) { return flights.lease(drone).stoppers.stoppers_size() > 0; });
 }
 
 std::vector<std::size_t> unplaced_of(const FlightView& flights) {
-  std::vector<std::size_t> unplaced;
-  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+  return drones_where(flights, [&](std::size_t drone) {
     const IntakeState& seen = flights.intake(drone);
-    if (seen.has_state && seen.state.pose_stamp_ns == 0) unplaced.push_back(drone);
-  }
-  return unplaced;
+    return seen.has_state && seen.state.pose_stamp_ns == 0;
+  });
 }
 
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
   const Identity ground = to_message(flights.config().self);
-  std::vector<std::size_t> stopped;
-  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+  return drones_where(flights, [&](std::size_t drone) {
     const Control& stoppers = flights.lease(drone).stoppers;
     // A ground that is a supervisor would clear the others' stops with its own.
-    if (stoppers.stoppers_size() == 1 && is_stopped_by(stoppers, ground)) stopped.push_back(drone);
-  }
-  return stopped;
+    return stoppers.stoppers_size() == 1 && is_stopped_by(stoppers, ground);
+  });
 }
 
 std::vector<LeaseState> leases_of(const FlightView& flights) {

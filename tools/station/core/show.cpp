@@ -40,8 +40,8 @@ std::size_t width(const std::string& text) {
 
 std::string mode_of(const json& drone) {
   const std::string mode = text_at(drone, "mode"), words = text_at(drone, "cause_words");
-  if (mode == "none") return words.empty() ? "-" : fmt::format("- ({}: {})", text_at(drone, "cause"), words);
-  return words.empty() ? mode : fmt::format("{} ({}: {})", mode, text_at(drone, "cause"), words);
+  const std::string shown = mode == "none" ? "-" : mode;
+  return words.empty() ? shown : fmt::format("{} ({}: {})", shown, text_at(drone, "cause"), words);
 }
 
 std::string position_of(const json& drone) {
