@@ -42,9 +42,11 @@ async function onPhone(browser, look) {
 
 const field = (drone, name, words) => drone.card.locator(`[data-field=${name}]`, { hasText: words }).waitFor({ timeout: LEDGER_MS });
 
-/// By the keyboard alone.
+/// By the keyboard alone. A page that was just opened shows what one may do when it has heard of its drones: hidden, it takes no keys.
 async function press(drone, action) {
-  await drone.card.locator(`[data-action=${action}]`).first().focus();
+  const button = drone.card.locator(`[data-action=${action}]`).first();
+  await button.waitFor({ timeout: LEDGER_MS });
+  await button.focus();
   await drone.card.page().keyboard.press('Enter');
 }
 
