@@ -6,10 +6,26 @@
 #include "common/access/grants.hpp"
 #include "common/access/stops.hpp"
 #include "common/msg/contract.hpp"
+#include "common/msg/onboard.hpp"
 
 /// command: plans of the lease's holder, or of who commands in its place.
 namespace ledgerline::chaincode {
 namespace {
+
+bool is_finite(const PlannedSetpoint& setpoint) {
+  const PlannedReference& r = setpoint.reference();
+  for (const float value : {setpoint.vx(), setpoint.vy(), setpoint.vz(), setpoint.yaw_rate(), r.x(), r.y(), r.z(),
+                            r.vx(), r.vy(), r.vz(), r.ax(), r.ay(), r.az()}) {
+    if (!std::isfinite(value)) return false;
+  }
+  return true;
+}
+
+/// As Response is kept within, wherever it is learned (common/msg/onboard.hpp).
+Status check_response(const LearnedResponse& response) {
+  if (is_plausible(ledgerline::Response{response.gain(), response.lag_s(), response.dead_s()})) return done;
+  return Error{"the response is no drone's: its gain is 0.2 to 4, its lag 0.02 to 2 s, its dead time 0 to 1 s"};
+}
 
 Status check_setpoints(const DronePlan& plan) {
   const auto count = static_cast<std::size_t>(plan.setpoints_size());
@@ -19,12 +35,14 @@ Status check_setpoints(const DronePlan& plan) {
     if (plan.action() == FLY) return Error{"the plan has no setpoints"};
     return done;
   }
+  if (plan.has_response()) {
+    if (Status status = check_response(plan.response()); !status) return status;
+  }
   TimeNs last = plan.setpoints(0).at_ns();
   if (last < 0) return Error{"a setpoint's time is negative"};
   for (const PlannedSetpoint& setpoint : plan.setpoints()) {
-    for (const float value : {setpoint.vx(), setpoint.vy(), setpoint.vz(), setpoint.yaw_rate()}) {
-      if (!std::isfinite(value)) return Error{"a setpoint is not finite"};
-    }
+    if (!is_finite(setpoint)) return Error{"a setpoint is not finite"};
+    if (setpoint.has_reference() && plan.body_frame()) return Error{"a setpoint in the drone's frame has a reference"};
     if (setpoint.at_ns() < last) return Error{"the plan's times go backwards"};
     last = setpoint.at_ns();
   }

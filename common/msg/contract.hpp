@@ -72,7 +72,7 @@ inline constexpr std::size_t max_plan_setpoints = 40;  ///< 2 s at 20 Hz
 /// organisations.
 inline constexpr std::uint32_t record_version = 1;
 /// Of the definition on a channel: the next one where peers of this and the last one would not endorse the same.
-inline constexpr const char* version = "3";
+inline constexpr const char* version = "4";
 
 inline constexpr const char* set = "set";
 inline constexpr const char* get = "get";

@@ -98,12 +98,40 @@ enum class DropReason : std::uint8_t {
 
 /// m/s or rad/s. More than any drone here can do: such a number is an error, not a setpoint to be limited.
 inline constexpr float absurd_speed = 100;
+/// The same of a place: a kilometre from the map's origin along each axis is what paths may have.
+inline constexpr float absurd_m = 2'000;
+
+/// How a drone's velocity v answers the velocity u that it is sent, with the wind's push w [m/s]:
+///
+///     lag dv/dt = gain u(t - dead) + w - v
+///
+/// first order with dead time, the usual model of a closed velocity loop (Seborg, Edgar, Mellichamp: Process Dynamics
+/// and Control, 5.4 and 7.2).
+struct Response {
+  double gain = 1.0;
+  double lag_s = 0.25;
+  double dead_s = 0.06;
+};
+/// What no drone has is an error. False of what is no number, too.
+constexpr bool is_plausible(const Response& r) noexcept {
+  return r.gain >= 0.2 && r.gain <= 4 && r.lag_s >= 0.02 && r.lag_s <= 2 && r.dead_s >= 0 && r.dead_s <= 1;
+}
+
+/// Where a path has its drone when what is sent at the setpoint's moment takes effect (one dead time later), in `map`;
+/// behind that moment it moves on by its velocity and acceleration. Link holds the drone to it.
+struct Reference {
+  std::array<float, 3> position_m{};
+  std::array<float, 3> velocity_mps{};
+  std::array<float, 3> acceleration_mps2{};
+};
 
 /// A velocity setpoint for a moment on the drone host's clock.
 struct Setpoint {
   TimeNs at_ns = 0;
   std::array<float, 3> velocity_mps{};
   float yaw_rate_radps = 0;
+  bool has_reference = false;
+  Reference reference{};
 };
 
 inline constexpr std::uint32_t max_setpoints = contract::max_plan_setpoints;
@@ -117,6 +145,7 @@ struct Plan {
   TimeNs state_stamp_ns = 0;   ///< of the state that it was made from
   TimeNs verified_ns = 0;      ///< when agent handed it over: two-way latency = verified - state_stamp
   bool body_frame = false;     ///< flown by hand: velocities are in the drone's own frame, forward, left, up
+  Response response{};         ///< of the drone, as who planned it has learned
   std::uint32_t count = 0;
   std::array<Setpoint, max_setpoints> setpoints{};
 };

@@ -102,10 +102,17 @@ Plan plan_of(DroneNumber drone, const DronePlan& asked) {
   plan.epoch = asked.epoch();
   plan.state_stamp_ns = asked.state_stamp_ns();
   plan.body_frame = asked.body_frame();
+  if (const LearnedResponse& r = asked.response(); asked.has_response())
+    plan.response = {r.gain(), r.lag_s(), r.dead_s()};
   plan.count = static_cast<std::uint32_t>(asked.setpoints_size());
   for (int i = 0; i < asked.setpoints_size(); ++i) {
     const PlannedSetpoint& s = asked.setpoints(i);
-    plan.setpoints[static_cast<std::size_t>(i)] = Setpoint{s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
+    Setpoint& setpoint = plan.setpoints[static_cast<std::size_t>(i)];
+    setpoint = {.at_ns = s.at_ns(), .velocity_mps = {s.vx(), s.vy(), s.vz()}, .yaw_rate_radps = s.yaw_rate()};
+    setpoint.has_reference = s.has_reference();
+    const PlannedReference& r = s.reference();
+    if (setpoint.has_reference)
+      setpoint.reference = {{r.x(), r.y(), r.z()}, {r.vx(), r.vy(), r.vz()}, {r.ax(), r.ay(), r.az()}};
   }
   return plan;
 }

@@ -158,30 +158,34 @@ Setpoint PathController::level(const Motion& from, double height_m, double climb
   return setpoint;
 }
 
-Setpoint PathController::steer(const Motion& from, double s_m) const {
-  const motion::Response& model = model_->predictor.response();
+PathController::Wanted PathController::wanted_at(double s_m, const Eigen::Vector2d& drone) const {
   const motion::Track::Point place = track_.at(s_m);
   const Eigen::Vector2d direction = place.direction.head<2>();
-  Eigen::Vector2d reference = Eigen::Vector2d::Zero(), lead = Eigen::Vector2d::Zero();
-  double climb = 0;
+  Wanted wanted{.position_m = place.position_m};
   // A reference that waits has no velocity: with it the drone would come to rest beside a reference that waits for it.
-  if (const double share = pace(s_m, from.position_m.head<2>()); share > 0) {
+  if (const double share = pace(s_m, drone); share > 0) {
     constexpr double ds_m = 0.01;
     const double speed = share * speed_at(s_m);
     const double gained = speed_at(s_m + ds_m) - speed_at(s_m);
     const double a = motion::TrackLimits{}.acceleration_mps2;
     const double along = share * std::clamp(speed * gained / ds_m, -a, a);
-    reference = speed * direction;
-    lead = model.lag_s * (along * direction + speed * speed * place.bend_per_m);
-    climb = speed * place.direction.z();
+    wanted.velocity_mps << speed * direction, speed * place.direction.z();
+    wanted.acceleration_mps2 = along * direction + speed * speed * place.bend_per_m;
   }
-  Eigen::Vector2d wanted = reference + lead +
-                           position_gain_ * (place.position_m.head<2>() - from.position_m.head<2>()) +
-                           config_.velocity_gain * (reference - from.velocity_mps.head<2>());
+  return wanted;
+}
+
+Setpoint PathController::steer(const Motion& from, double s_m) const {
+  const motion::Response& model = model_->predictor.response();
+  const Wanted reference = wanted_at(s_m, from.position_m.head<2>());
+  const Eigen::Vector2d velocity = reference.velocity_mps.head<2>();
+  Eigen::Vector2d wanted = velocity + model.lag_s * reference.acceleration_mps2 +
+                           position_gain_ * (reference.position_m.head<2>() - from.position_m.head<2>()) +
+                           config_.velocity_gain * (velocity - from.velocity_mps.head<2>());
   wanted = (wanted - model_->predictor.drift_mps().head<2>()) / model.gain;
   const double max_mps = std::min(config_.full_scale_mps, 1.5 * requested_mps(s_m) / model.gain + 0.3);
   if (wanted.norm() > max_mps) wanted *= max_mps / wanted.norm();
-  Setpoint setpoint = level(from, place.position_m.z(), climb);
+  Setpoint setpoint = level(from, reference.position_m.z(), reference.velocity_mps.z());
   setpoint.velocity_mps[0] = static_cast<float>(wanted.x());
   setpoint.velocity_mps[1] = static_cast<float>(wanted.y());
   return setpoint;
@@ -197,7 +201,7 @@ void PathController::limit(double age_s) {
 
 std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, std::size_t count) {
   if (!config_.predict) return plan_plain(first_ns);
-  motion::Predictor::Rollout rollout = model_->predictor.until(first_ns);
+  motion::Rollout rollout = model_->predictor.until(first_ns);
   limit(to_seconds(rollout.effect().stamp_ns - model_->predictor.newest().stamp_ns));
   if (!waits_) model_->error.expect(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
 
@@ -219,9 +223,15 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
     middle.position_m += 0.5 * dt_s * now.velocity_mps;
     Setpoint setpoint = steer(middle, 0.5 * (s_m + next_m));
     setpoint.at_ns = first_ns + static_cast<TimeNs>(i) * step_ns;
+    setpoint.has_reference = true;
+    const Wanted at_start = wanted_at(s_m, now.position_m.head<2>());
+    Eigen::Vector3f::Map(setpoint.reference.position_m.data()) = at_start.position_m.cast<float>();
+    Eigen::Vector3f::Map(setpoint.reference.velocity_mps.data()) = at_start.velocity_mps.cast<float>();
+    Eigen::Vector2f::Map(setpoint.reference.acceleration_mps2.data()) = at_start.acceleration_mps2.cast<float>();
     plan.push_back(setpoint);
     const Eigen::Vector3d sent(setpoint.velocity_mps[0], setpoint.velocity_mps[1], setpoint.velocity_mps[2]);
-    rollout.send(sent, static_cast<double>(setpoint.yaw_rate_radps), rollout.sent_until_ns() + step_ns);
+    rollout.send(sent, static_cast<double>(setpoint.yaw_rate_radps), rollout.sent_until_ns() + step_ns,
+                 config_.max_acceleration_mps2);
     s_m = next_m;
   }
   model_->predictor.sent(id, plan);

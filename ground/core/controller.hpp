@@ -140,6 +140,13 @@ class PathController final : public Follower {
   double pace(double s_m, const Eigen::Vector2d& drone) const;
   double speed_at(double s_m) const;
   double advance(double s_m, const Eigen::Vector2d& drone, double dt_s) const;
+  /// What the path wants at a place, of a drone that is there.
+  struct Wanted {
+    Eigen::Vector3d position_m;
+    Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();
+    Eigen::Vector2d acceleration_mps2 = Eigen::Vector2d::Zero();
+  };
+  Wanted wanted_at(double s_m, const Eigen::Vector2d& drone) const;
   Setpoint steer(const Motion& from, double s_m) const;
   void limit(double age_s);
   double plain_mps(double s_m) const;

@@ -4,21 +4,11 @@
 #include <deque>
 #include <functional>
 
-#include "common/rt/clock.hpp"
+#include "common/msg/onboard.hpp"
 
 namespace ledgerline::ground::motion {
 
-/// How a drone's velocity v answers the velocity u that it is sent, with the wind's push w [m/s]:
-///
-///     lag dv/dt = gain u(t - dead) + w - v
-///
-/// first order with dead time, the usual model of a closed velocity loop (Seborg, Edgar, Mellichamp: Process Dynamics
-/// and Control, 5.4 and 7.2).
-struct Response {
-  double gain = 1.0;
-  double lag_s = 0.25;
-  double dead_s = 0.06;
-};
+using ledgerline::Response;
 
 /// Estimates a Response online. The model, integrated from t1 to t2, is linear in gain, lag and wind, once the dead
 /// time is given:

@@ -12,6 +12,24 @@ namespace {
 
 constexpr TimeNs beside_ns = 5 * ns_per_ms;  // without a ledger: until link has the plan
 
+void write(const Reference& reference, PlannedReference& out) {
+  out.set_x(reference.position_m[0]);
+  out.set_y(reference.position_m[1]);
+  out.set_z(reference.position_m[2]);
+  out.set_vx(reference.velocity_mps[0]);
+  out.set_vy(reference.velocity_mps[1]);
+  out.set_vz(reference.velocity_mps[2]);
+  out.set_ax(reference.acceleration_mps2[0]);
+  out.set_ay(reference.acceleration_mps2[1]);
+  out.set_az(reference.acceleration_mps2[2]);
+}
+
+void write(const Response& response, LearnedResponse& out) {
+  out.set_gain(static_cast<float>(response.gain));
+  out.set_lag_s(static_cast<float>(response.lag_s));
+  out.set_dead_s(static_cast<float>(response.dead_s));
+}
+
 }  // namespace
 
 Planner::Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const IntakeState& seen,
@@ -125,7 +143,9 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
       p->set_vy(setpoint.velocity_mps[1]);
       p->set_vz(setpoint.velocity_mps[2]);
       p->set_yaw_rate(setpoint.yaw_rate_radps);
+      if (setpoint.has_reference) write(setpoint.reference, *p->mutable_reference());
     }
+    if (planned.front().has_reference) write(controller_->predictor().response(), *plan.mutable_response());
     if (status_.phase == GroundPhase::path && !config_.manual) count_laps(first_setpoint_ns_);
     if (follower_) command.progress_m = follower_->progress_m();
     report();

@@ -180,9 +180,19 @@ RefusalReason CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) c
     // Written so that NaN fails.
     const bool within = speed <= settings_.max_speed_mps && std::abs(s.yaw_rate()) <= settings_.max_yaw_rate_radps;
     if (!within || s.at_ns() < last_ns || s.at_ns() > now + settings_.horizon_ns) return RefusalReason::over_limits;
+    if (s.has_reference() && plan.body_frame()) return RefusalReason::malformed;
+    if (s.has_reference() && !is_within_limits(s.reference())) return RefusalReason::over_limits;
     last_ns = s.at_ns();
   }
-  return RefusalReason::none;
+  if (!plan.has_response()) return RefusalReason::none;
+  const LearnedResponse& r = plan.response();
+  return is_plausible(Response{r.gain(), r.lag_s(), r.dead_s()}) ? RefusalReason::none : RefusalReason::over_limits;
+}
+
+// As fast as a setpoint may be; the fence is link's, which keeps references inside.
+bool CommandCheck::is_within_limits(const PlannedReference& r) const {
+  return std::hypot(r.vx(), r.vy(), r.vz()) <= settings_.max_speed_mps &&
+         std::hypot(r.ax(), r.ay(), r.az()) <= absurd_speed && std::hypot(r.x(), r.y(), r.z()) <= absurd_m;
 }
 
 std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {

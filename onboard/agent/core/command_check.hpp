@@ -86,6 +86,7 @@ class CommandCheck {
   RefusalReason check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer,
                            const DronePlan& plan) const;
   RefusalReason check_setpoints(TimeNs now, const DronePlan& plan) const;
+  bool is_within_limits(const PlannedReference& reference) const;
   static void refuse(Drone& drone, const DronePlan& plan, RefusalReason why, CheckedBlock& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, CheckedBlock& out);
 

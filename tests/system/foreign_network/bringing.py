@@ -87,12 +87,12 @@ def bring_contract(network: Consortium) -> None:
             printed_commands(network, "install", "--config", admin, "--package", package)
             printed_commands(network, "approve", "--config", ledger_file(network, k, "Admin", whole=True), "--package", package)
         assert "is installed already" in contract("install", "--config", admin, "--package", package)
-        for done in ("approved version 3 sequence 1", "is approved already")[k - 1:]:
+        for done in ("approved version 4 sequence 1", "is approved already")[k - 1:]:
             assert done in contract("approve", "--config", admin, "--package", package)
         if k == 1:
             status = json.loads(contract("status", "--config", admin, "--json"))
             assert status["next"]["approvals"] == {"Org1MSP": True, "Org2MSP": False} and "committed" not in status
-    for done in ("committed version 3 sequence 1", "is committed already"):
+    for done in ("committed version 4 sequence 1", "is committed already"):
         assert done in contract("commit", "--config", admins[0])
     print(contract("status", "--config", admins[1]), flush=True)
     status = json.loads(contract("status", "--config", admins[1], "--json"))

@@ -266,7 +266,21 @@ TEST_F(ControlTest, PlansHaveLimitsAndFiniteValues) {
     DronePlan wrong = plan("tello1");
     wrong.mutable_setpoints(1)->set_yaw_rate(bad);
     EXPECT_THAT(command(pilot, {wrong}).message, HasSubstr("not finite"));
+    DronePlan nowhere = plan("tello1");
+    nowhere.mutable_setpoints(1)->mutable_reference()->set_ay(bad);
+    EXPECT_THAT(command(pilot, {nowhere}).message, HasSubstr("not finite"));
   }
+
+  DronePlan tracked = plan("tello1");
+  tracked.mutable_setpoints(0)->mutable_reference()->set_x(1);
+  tracked.mutable_response()->set_gain(1);
+  tracked.mutable_response()->set_lag_s(0.2F);
+  EXPECT_EQ(command(pilot, {tracked}).status, 200);
+  tracked.mutable_response()->set_lag_s(0);
+  EXPECT_THAT(command(pilot, {tracked}).message, HasSubstr("the response is no drone's"));
+  tracked.clear_response();
+  tracked.set_body_frame(true);
+  EXPECT_THAT(command(pilot, {tracked}).message, HasSubstr("in the drone's frame has a reference"));
 }
 
 }  // namespace

@@ -58,6 +58,26 @@ StateSample hovering(TimeNs stamp_ns, const Eigen::Vector3d& at) {
   return state;
 }
 
+TEST(PathController, EachSetpointHasTheReferenceThatItBelongsTo) {
+  PathController controller = square_at({0, 0});
+  controller.start(0);
+  controller.observe(hovering(1, {0, 0, 1}));
+  const std::vector<Setpoint> plan = controller.plan(1, 1 + 100 * ns_per_ms);
+  for (std::size_t i = 0; i < plan.size(); ++i) {
+    ASSERT_TRUE(plan[i].has_reference);
+    const Reference& reference = plan[i].reference;
+    EXPECT_LT(controller.path().distance_m({reference.position_m[0], reference.position_m[1]}), 0.08);
+    if (i == 0) continue;
+    // As far as its velocity says.
+    const Reference& before = plan[i - 1].reference;
+    const double way_m =
+        std::hypot(reference.position_m[0] - before.position_m[0], reference.position_m[1] - before.position_m[1]);
+    const double mean_mps = 0.5 * (std::hypot(before.velocity_mps[0], before.velocity_mps[1]) +
+                                   std::hypot(reference.velocity_mps[0], reference.velocity_mps[1]));
+    EXPECT_NEAR(way_m, mean_mps * to_seconds(PathController::step_ns), 0.006);
+  }
+}
+
 TEST(PathController, FollowsEveryShapeThroughLagAndDelay) {
   for (Shape shape : {Shape::square, Shape::triangle, Shape::x, Shape::eight}) {
     for (double delay_ms : {20.0, 40.0}) {

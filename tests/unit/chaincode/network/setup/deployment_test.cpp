@@ -65,7 +65,7 @@ TEST_F(DeploymentTest, AllOrganisationsApproveThenOneCommits) {
                                  StartsWith("peer lifecycle chaincode approveformyorg --package-id ledgerline_1:"),
                                  StartsWith("peer lifecycle chaincode approveformyorg --package-id ledgerline_1:"),
                                  StartsWith("peer lifecycle chaincode commit -o " + site->addresses().orderer(1))));
-  EXPECT_THAT(calls, Each(HasSubstr("--channelID teleop --name ledgerline --version 3 --sequence 1")));
+  EXPECT_THAT(calls, Each(HasSubstr("--channelID teleop --name ledgerline --version 4 --sequence 1")));
   ASSERT_TRUE(deployment->define().ok());
   EXPECT_THAT(tools.calls(), IsEmpty());
 }
@@ -79,7 +79,7 @@ TEST_F(DeploymentTest, ANetworkWithTheContractOfBeforeGetsTheNextDefinition) {
   EXPECT_THAT(calls.front(), HasSubstr(" querycommitted --channelID teleop "));
   for (std::size_t i = 1; i < calls.size(); ++i) {
     EXPECT_THAT(calls[i], HasSubstr(i < 4 ? " approveformyorg " : " commit "));
-    EXPECT_THAT(calls[i], HasSubstr("--version 3 --sequence 5"));
+    EXPECT_THAT(calls[i], HasSubstr("--version 4 --sequence 5"));
     EXPECT_THAT(calls[i], testing::Not(HasSubstr("--signature-policy"))) << "a majority, whatever it was before";
   }
   ASSERT_TRUE(deployment->define().ok());
@@ -88,16 +88,16 @@ TEST_F(DeploymentTest, ANetworkWithTheContractOfBeforeGetsTheNextDefinition) {
 
 TEST_F(DeploymentTest, WhatAnotherHostHasCommittedIsApprovedAsItIs) {
   start(tools.options());
-  before(R"({"sequence":5,"version":"3"})");
+  before(R"({"sequence":5,"version":"4"})");
   ASSERT_TRUE(deployment->define().ok());
-  EXPECT_THAT(tools.calls(), ElementsAre(HasSubstr(" querycommitted "), HasSubstr("--version 3 --sequence 5"),
-                                         HasSubstr("--version 3 --sequence 5"), HasSubstr("--version 3 --sequence 5")));
+  EXPECT_THAT(tools.calls(), ElementsAre(HasSubstr(" querycommitted "), HasSubstr("--version 4 --sequence 5"),
+                                         HasSubstr("--version 4 --sequence 5"), HasSubstr("--version 4 --sequence 5")));
   EXPECT_TRUE(deployment->wait_for_definition().ok());
 }
 
 TEST_F(DeploymentTest, APeerThatIsJustStartingIsAskedAgain) {
   start(tools.options());
-  before(R"({"sequence":2,"version":"3"})", "[ -e \"$0.asked\" ] || { touch \"$0.asked\"; exit 1; }; ");
+  before(R"({"sequence":2,"version":"4"})", "[ -e \"$0.asked\" ] || { touch \"$0.asked\"; exit 1; }; ");
   ASSERT_TRUE(deployment->define().ok());
   EXPECT_THAT(tools.calls(), SizeIs(4));
 }

@@ -430,6 +430,38 @@ TEST_F(CommandCheckTest, SetpointsThatAreNotFiniteAreRefused) {
   }
 }
 
+TEST_F(CommandCheckTest, AReferenceIsTakenWithinItsLimitsAndNotInTheDronesFrame) {
+  auto good = good_plan();
+  for (PlannedSetpoint& s : *good.mutable_setpoints()) {
+    s.mutable_reference()->set_x(1.5F);
+    s.mutable_reference()->set_vy(0.5F);
+    s.mutable_reference()->set_az(-0.25F);
+  }
+  good.mutable_response()->set_gain(0.5F);
+  good.mutable_response()->set_lag_s(0.25F);
+  const auto checked = give({command(good)});
+  ASSERT_EQ(checked.plans.size(), 1U);
+  EXPECT_EQ(checked.plans[0].response.gain, 0.5);
+  ASSERT_TRUE(checked.plans[0].setpoints[2].has_reference);
+  EXPECT_FLOAT_EQ(checked.plans[0].setpoints[2].reference.position_m[0], 1.5F);
+  EXPECT_FLOAT_EQ(checked.plans[0].setpoints[2].reference.velocity_mps[1], 0.5F);
+  EXPECT_FLOAT_EQ(checked.plans[0].setpoints[2].reference.acceleration_mps2[2], -0.25F);
+
+  good.set_sequence(2);
+  const auto expect_reason = [&](RefusalReason why, auto spoil) {
+    DronePlan bad = good;
+    spoil(bad, *bad.mutable_setpoints(1)->mutable_reference());
+    EXPECT_EQ(give({command(bad)}).refused.at(0).why, why);
+  };
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  expect_reason(RefusalReason::over_limits, [](DronePlan&, PlannedReference& r) { r.set_vx(9); });
+  expect_reason(RefusalReason::over_limits, [&](DronePlan&, PlannedReference& r) { r.set_x(nan); });
+  expect_reason(RefusalReason::over_limits, [](DronePlan&, PlannedReference& r) { r.set_y(1e6F); });
+  expect_reason(RefusalReason::over_limits, [](DronePlan&, PlannedReference& r) { r.set_ax(-1e6F); });
+  expect_reason(RefusalReason::over_limits, [](DronePlan& p, PlannedReference&) { p.mutable_response()->set_gain(0); });
+  expect_reason(RefusalReason::malformed, [](DronePlan& p, PlannedReference&) { p.set_body_frame(true); });
+}
+
 TEST_F(CommandCheckTest, MoreSetpointsThanAPlanHoldsAreRefused) {
   auto plan = good_plan();
   while (plan.setpoints_size() <= static_cast<int>(max_setpoints)) *plan.add_setpoints() = plan.setpoints(2);
