@@ -125,6 +125,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   settings.playout.max_speed_mps =
       std::max(settings.playout.max_speed_mps, 1.5F * static_cast<float>(config.full_scale_mps));
   settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
+  settings.track.on_board = config.track;
   settings.failsafe.on_untrusted_ledger = config.on_untrusted_ledger;
   settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
   Random put(config.seed);

@@ -31,6 +31,7 @@ struct WorldConfig {
   double rate_hz = 30;
   int laps = 1;
   bool predict = true;
+  bool track = true;                    ///< link holds drones to their plans on board
   TimeNs max_age_ns = 500 * ns_per_ms;  ///< of a command, from its state's stamp; for a far ledger more
   link::OnUntrustedLedger on_untrusted_ledger =
       link::OnUntrustedLedger::ignore;          ///< link's, while agent does not trust the ledger

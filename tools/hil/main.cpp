@@ -61,7 +61,7 @@ int simulated_flight(const hil::SimulatedFlightConfig& config) {
 
 /// What the options of `sitl` say in words, until read_words() has put it into the config.
 struct Words {
-  std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none", side = "both";
+  std::string shape = "square", mode = "ledger", predict = "on", track = "on", ramp, delay = "none", side = "both";
   double max_age_s = 0, batch_timeout_s = 0;
 };
 
@@ -75,6 +75,9 @@ void add_flight_options(Verb flight, hil::SimulatedFlightConfig& config, Words& 
       .shows_default();
   flight.option("--side", config.side_m, "of the shape, m").within(0.5, 15.0).shows_default();
   flight.option("--predict", words.predict, "off: the plain controller: newest state, newest command")
+      .one_of({"on", "off"})
+      .shows_default();
+  flight.option("--track", words.track, "off: link flies plans' velocities, and holds no drone to its path")
       .one_of({"on", "off"})
       .shows_default();
   flight.option("--ramp", words.ramp,
@@ -124,6 +127,7 @@ Status read_words(const Words& words, hil::SimulatedFlightConfig& config) {
   config.delays.added.agent_share = words.side == "both" ? 0.5 : words.side == "agent" ? 1.0 : 0.0;
   config.mode = words.mode == "local" ? hil::WorldConfig::Mode::local : hil::WorldConfig::Mode::ledger;
   config.predict = words.predict == "on";
+  config.track = words.track == "on";
   config.max_age_ns = from_seconds(words.max_age_s);
   config.batch_timeout_ns = from_seconds(words.batch_timeout_s);
   return done;

@@ -17,12 +17,25 @@ constexpr double max_sigma_m = 2;
 // there still when the drone was put right.
 constexpr TimeNs takeoff_refusal_shown_ns = 10 * ns_per_s;
 
+/// Where a path leads beyond the fence, its drone waits there.
+Reference inside(const FenceSettings& fence, Reference reference) noexcept {
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto low = static_cast<float>(fence.min_m[i]), high = std::max(low, static_cast<float>(fence.max_m[i]));
+    float& at = reference.position_m[i];
+    if (at >= low && at <= high) continue;
+    at = std::clamp(at, low, high);
+    reference.velocity_mps[i] = reference.acceleration_mps2[i] = 0;
+  }
+  return reference;
+}
+
 }  // namespace
 
 DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id, bool local_stop)
     : number_(drone.number),
       failsafe_settings_(settings.failsafe),
       fence_(settings.fence),
+      track_settings_(settings.track),
       by_hand_without_pose_(drone.by_hand_without_pose),
       in_common_frame_(drone.in_common_frame),
       session_(settings.session, drone.serial, drone.source == PoseSource::pads),
@@ -30,6 +43,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       orders_(session_, from_seconds(settings.separation.landing_wait_s), local_stop),
       admission_(settings.playout),
       setpoints_(drone.number, settings, admission_),
+      tracker_(settings.track),
       reporting_(drone.name, drone.number, boot_id) {}
 
 void DroneLink::on_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
@@ -39,6 +53,7 @@ void DroneLink::on_bytes(TimeNs now, Port port, std::string_view bytes) noexcept
   } else if (session_.on_state(now, bytes)) {
     watches_.on_state(now, session_.state(), session_.phase());
     position_.on_state(now, session_.state(), session_.phase(), session_.is_standing(now), setpoints_.sent());
+    tracker_.on_pose(position_.published_pose());
   }
 }
 
@@ -51,6 +66,7 @@ void DroneLink::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
 
 void DroneLink::on_pose(TimeNs now, const Pose& pose) noexcept {
   position_.on_pose(now, pose, is_in_flight(session_.phase()));
+  tracker_.on_pose(position_.published_pose());
 }
 
 void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
@@ -194,6 +210,7 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   obey_failsafe(now);
   if (orders_.is_landing_requested() && !should_delay_landing(at)) session_.request_land(now);
   if (orders_.is_landing_requested()) setpoint = setpoints_.desired(now, true);
+  tracker_.on_sent(now, setpoints_.sent(), !position_.is_motion_suspected());
   if (session_.phase() == LinkPhase::flying) fly(at, setpoint);
   send_commands(at);
   watch_phase(at);
@@ -239,9 +256,12 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
   }
   // A drone that had to land and did not wait is not flying any more.
   const bool lands = orders_.is_landing_requested();
-  const Steering steering{.follows = lands || follows_plan(failsafe_.mode, setpoint.valid),
+  const bool follows = lands || follows_plan(failsafe_.mode, setpoint.valid);
+  const Steering steering{.follows = follows,
                           .steps_aside = steps_aside(),
                           .brakes = failsafe_.mode == FailsafeMode::brake,
+                          .velocity = velocity_for(at.now, setpoint, follows),
+                          .push_mps = push_mps(at.now),
                           .yaw_rad = position_.yaw_rad(at.now),
                           .fence = fence_for(failsafe_settings_, fence_, failsafe_, at.now, inputs_),
                           .position_m = inputs_.position_m,
@@ -249,6 +269,36 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
   if (!setpoints_.fly(at, setpoint, steering) || !steering.follows || lands) return;
   const bool first = setpoints_.mark_applied();
   reporting_.record_setpoint(at, setpoint, first, setpoints_.sent());
+}
+
+bool DroneLink::may_track(TimeNs now) const noexcept {
+  const bool mode = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold ||
+                    (failsafe_.mode == FailsafeMode::brake && failsafe_.cause == FailsafeCause::state_stale);
+  return track_settings_.on_board && mode && session_.phase() == LinkPhase::flying && !orders_.is_landing_requested() &&
+         is_placed(now) && tracker_.may_correct(now);
+}
+
+float DroneLink::push_mps(TimeNs now) const noexcept {
+  return may_track(now) ? static_cast<float>(track_settings_.max_correction_mps) : 0;
+}
+
+Velocity DroneLink::velocity_for(TimeNs now, const Playout::CurrentSetpoint& setpoint, bool follows) noexcept {
+  Velocity planned;
+  if (follows) planned = setpoint.body_frame ? to_map(setpoint.velocity, position_.yaw_rad(now)) : setpoint.velocity;
+  const bool stays = !follows || (!setpoint.has_reference && planned.mps == std::array<float, 3>{});
+  if (!may_track(now) || steps_aside() || (!stays && !setpoint.has_reference)) {
+    tracker_.let_go();
+    return planned;
+  }
+  if (stays) {
+    const Velocity held = tracker_.hold(now);
+    planned.mps = held.mps;
+    return planned;
+  }
+  const FenceSettings& fence = setpoints_.drawn_fence();
+  tracker_.set_response(setpoint.response);
+  return tracker_.follow(now, clip_at_fence(fence, position_.position_m(), session_.state().height_m, planned, 0),
+                         inside(fence, setpoint.reference));
 }
 
 void DroneLink::watch_phase(const LinkMoment& at) noexcept {
@@ -322,7 +372,7 @@ std::optional<Neighbour> DroneLink::as_neighbour(TimeNs now) noexcept {
   }
   if (!steered) return out;
   const Velocity inside = clip_at_fence(setpoints_.drawn_fence(), out.motion.position_m, session_.state().height_m,
-                                        in_map(setpoint, position_.yaw_rad(now)));
+                                        velocity_for(now, setpoint, true), push_mps(now));
   for (std::size_t i = 0; i < 3; ++i) out.desired_mps[i] = static_cast<double>(inside.mps[i]);
   return out;
 }

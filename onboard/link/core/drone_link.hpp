@@ -15,6 +15,7 @@
 #include "onboard/link/core/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"
+#include "onboard/link/core/track/tracker.hpp"
 
 namespace ledgerline::link {
 
@@ -77,11 +78,17 @@ class DroneLink {
   bool is_placed(TimeNs now) const noexcept;
   void send_commands(const LinkMoment& at) noexcept;
   void fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
+  /// Link may correct where it flies: it has a pose, its failsafe lets it fly or hover, and it answers as drones do.
+  bool may_track(TimeNs now) const noexcept;
+  float push_mps(TimeNs now) const noexcept;
+  /// In the map, before the other drones and the fence: what a setpoint wants, held on board; else to stay.
+  Velocity velocity_for(TimeNs now, const Playout::CurrentSetpoint& setpoint, bool follows) noexcept;
   void watch_phase(const LinkMoment& at) noexcept;
 
   DroneNumber number_;
   FailsafeSettings failsafe_settings_;
   FenceSettings fence_;
+  TrackSettings track_settings_;
   bool by_hand_without_pose_;
   bool in_common_frame_;
   TelloSession session_;
@@ -90,6 +97,7 @@ class DroneLink {
   DroneOrders orders_;
   PlanAdmission admission_;
   SetpointPath setpoints_;
+  Tracker tracker_;
   FailsafeState failsafe_;
   FailsafeInputs inputs_;
   DroneReporting reporting_;

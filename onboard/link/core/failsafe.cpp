@@ -350,12 +350,14 @@ FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& f
 }
 
 Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
-                       Velocity desired) noexcept {
+                       Velocity desired, float push_mps) noexcept {
   for (std::size_t i = 0; i < 3; ++i) {
     const double highest = i == 2 ? std::max(position_m[i], double(height_m)) : position_m[i];
-    const double up = std::max(0.0, fence.max_m[i] - highest) / fence.slow_s;
-    const double down = std::max(0.0, position_m[i] - fence.min_m[i]) / fence.slow_s;
-    desired.mps[i] = std::clamp(desired.mps[i], static_cast<float>(-down), static_cast<float>(up));
+    // The floor is pushed from by nothing: it is where a drone lands.
+    const float lifts = i == 2 ? 0 : push_mps;
+    const float up = std::max(-push_mps, static_cast<float>((fence.max_m[i] - highest) / fence.slow_s));
+    const float down = std::max(-lifts, static_cast<float>((position_m[i] - fence.min_m[i]) / fence.slow_s));
+    desired.mps[i] = std::clamp(desired.mps[i], std::min(-down, up), up);
   }
   return desired;
 }

@@ -246,6 +246,19 @@ struct FenceSettings {
   double far_beyond_m = 1;
 };
 
+/// How link holds a drone to its plan's references, and to its place where it is to stay (track/tracker.hpp).
+struct TrackSettings {
+  bool on_board = true;  ///< else the plan's velocities alone are flown
+  /// 1/s. With 2 the rms is a twentieth more (flights around a square, a triangle and an x in wind); 4 is near to what
+  /// the dead time allows.
+  double position_gain = 3;
+  double velocity_gain = 0.8;  ///< half lets a drone that hears late, or flies in the dark, swing more
+  double height_gain = 1;      ///< 1/s, as ground's
+  /// Beyond what was planned: three times a gust's rms. Half lets 2 m/s of wind through; what is signed is flown, and
+  /// nothing that is far from it.
+  double max_correction_mps = 0.3;
+};
+
 /// How far drones of one host are kept apart, and by which model of them (separation.hpp).
 struct SeparationSettings {
   /// Never nearer, centre to centre; in height as well, since a rotor's wash goes down. 0: drones are not kept apart.
@@ -302,6 +315,7 @@ struct LinkSettings {
   FailsafeSettings failsafe;
   FenceSettings fence;
   std::vector<PadSettings> pads;  ///< for drones whose source they are
+  TrackSettings track;
   SeparationSettings separation;
 };
 

@@ -339,6 +339,13 @@ void read_separation(Config& config, SeparationSettings& separation) {
               "between drones of this host, centre to centre; 0: off. Larger needs more room to pass");
 }
 
+void read_track(Config& config, TrackSettings& track) {
+  track.on_board = config.boolean({"track.on_board",
+                                   "link holds drones to where their plans want them, and to their place; else plans' "
+                                   "velocities alone are flown"},
+                                  track.on_board);
+}
+
 // What is no simulation: simulated drones and a proxy's are on loopback, or behind the shim.
 const DroneTable* real_drone(const std::vector<DroneTable>& tables, bool udp) {
   const auto found = std::find_if(tables.begin(), tables.end(), [&](const DroneTable& table) {
@@ -462,6 +469,7 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   read_failsafe(config, settings.link.failsafe);
   const bool fenced = read_fence(config, settings.link);
   read_separation(config, settings.link.separation);
+  read_track(config, settings.link.track);
   for (const Status& status : {config.finish(), check_drones(path, tables, udp),
                                check_fence(path, settings.link.fence, fenced, real_drone(tables, udp)),
                                check_failsafe(path, settings.link.failsafe)}) {

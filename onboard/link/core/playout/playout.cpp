@@ -9,6 +9,18 @@ namespace ledgerline::link {
 
 namespace {
 
+/// Where it is that much later.
+Reference moved_on(const Reference& from, TimeNs by_ns) noexcept {
+  constexpr TimeNs longest_ns = 100 * ns_per_ms;  // two steps of ground's: behind it, it does not run away
+  const auto t = static_cast<float>(to_seconds(std::min(by_ns, longest_ns)));
+  Reference out = from;
+  for (std::size_t i = 0; i < 3; ++i) {
+    out.position_m[i] += t * (from.velocity_mps[i] + 0.5F * t * from.acceleration_mps2[i]);
+    out.velocity_mps[i] += t * from.acceleration_mps2[i];
+  }
+  return out;
+}
+
 constexpr TimeNs look_gap_ns = 100 * ns_per_ms;
 constexpr std::size_t min_plans = 32;  // fewer say nothing about a quantile
 
@@ -97,6 +109,9 @@ Playout::CurrentSetpoint Playout::setpoint(TimeNs now) noexcept {
           .fresh = desired_index_ != flown.sent_setpoint,
           .velocity = {setpoint.velocity_mps, setpoint.yaw_rate_radps},
           .body_frame = flown.plan.body_frame,
+          .has_reference = setpoint.has_reference && !flown.plan.body_frame,
+          .reference = moved_on(setpoint.reference, time - setpoint.at_ns),
+          .response = flown.plan.response,
           .sequence = flown.plan.sequence,
           .state_stamp_ns = flown.plan.state_stamp_ns,
           .meant_ns = setpoint.at_ns};
@@ -121,10 +136,15 @@ void Playout::clear(DropReason reason) noexcept {
 
 namespace {
 
+bool is_within(const std::array<float, 3>& values, float limit) noexcept {  // written so that NaN fails
+  return std::ranges::all_of(values, [&](float v) { return std::abs(v) <= limit; });
+}
+
 bool plausible(const Setpoint& setpoint) noexcept {
-  return std::all_of(setpoint.velocity_mps.begin(), setpoint.velocity_mps.end(),
-                     [](float v) { return std::isfinite(v) && std::abs(v) <= absurd_speed; }) &&
-         std::isfinite(setpoint.yaw_rate_radps) && std::abs(setpoint.yaw_rate_radps) <= absurd_speed;
+  const Reference& r = setpoint.reference;
+  return is_within(setpoint.velocity_mps, absurd_speed) && std::abs(setpoint.yaw_rate_radps) <= absurd_speed &&
+         is_within(r.position_m, absurd_m) && is_within(r.velocity_mps, absurd_speed) &&
+         is_within(r.acceleration_mps2, absurd_speed);
 }
 
 }  // namespace
@@ -138,7 +158,8 @@ DropReason PlanAdmission::check(TimeNs now, const Plan& plan) const noexcept {
   const bool wants_flight = plan.action == PlanAction::fly || plan.action == PlanAction::takeoff;
   if (wants_flight && now - plan.state_stamp_ns > settings_.max_age_ns) return DropReason::too_old;
   if (plan.action != PlanAction::fly) return DropReason::none;
-  if (plan.state_stamp_ns > now || plan.count > max_setpoints) return DropReason::bad_value;
+  if (plan.state_stamp_ns > now || plan.count > max_setpoints || !is_plausible(plan.response))
+    return DropReason::bad_value;
   if (plan.count == 0 && !is_empty_plan(plan)) return DropReason::bad_value;
   for (std::uint32_t i = 0; i < plan.count; ++i) {
     const Setpoint& setpoint = plan.setpoints[i];

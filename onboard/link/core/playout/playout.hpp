@@ -105,6 +105,9 @@ class Playout {
     bool fresh = false;  ///< its setpoint has not been sent yet
     Velocity velocity;
     bool body_frame = false;  ///< of that velocity: forward, left, up; else the map's
+    bool has_reference = false;
+    Reference reference{};  ///< moved on to `now`
+    Response response{};    ///< of the drone, as its plan says
     std::uint64_t sequence = 0;
     TimeNs state_stamp_ns = 0;
     TimeNs meant_ns = 0;  ///< when the setpoint was meant to be flown; it is by the margin later

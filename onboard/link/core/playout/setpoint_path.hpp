@@ -30,9 +30,11 @@ class Limiter {
 
 /// How a setpoint is to be flown in a step, as failsafe and position say.
 struct Steering {
-  bool follows = false;      ///< the setpoint is flown, else zero
+  bool follows = false;      ///< the setpoint is flown, kept apart from other drones
   bool steps_aside = false;  ///< else what the clearance says is
   bool brakes = false;       ///< with twice the deceleration
+  Velocity velocity{};       ///< in the map, before the other drones and the fence
+  float push_mps = 0;        ///< from beyond the fence, back inside
   double yaw_rad = 0;        ///< of the drone, in the map
   FenceSettings fence{};     ///< as it holds now
   std::array<double, 3> position_m{};
@@ -98,9 +100,5 @@ class SetpointPath {
   Rc last_rc_{};
   Velocity sent_;
 };
-
-inline Velocity in_map(const Playout::CurrentSetpoint& setpoint, double yaw_rad) noexcept {
-  return setpoint.body_frame ? to_map(setpoint.velocity, yaw_rad) : setpoint.velocity;
-}
 
 }  // namespace ledgerline::link

@@ -81,6 +81,8 @@ class DronePosition {
   bool are_sources_unresolved() const noexcept {
     return source_ == PoseSource::mocap && source_check_.verdict() == SourceCheck::Verdict::unresolved;
   }
+  /// It does not move as it was sent, as far as is seen now.
+  bool is_motion_suspected() const noexcept { return motion_watch_.is_suspected(); }
   bool does_motion_differ() const noexcept { return motion_watch_.differs(); }
   /// Since when its flow is suspected to see nothing and nothing else holds it; 0: it is not.
   TimeNs dark_since_ns(TimeNs now) const noexcept;

@@ -55,6 +55,10 @@ class MotionWatch {
   /// Since when it has been faster than it should be by outrun_mps, wind left out; 0: it is not. A corner that is flown
   /// late looks the same: only with another sign beside it does it say anything.
   TimeNs outruns_since_ns() const noexcept { return outruns_since_ns_; }
+  /// Nobody corrects a drone that may disobey. Half is a corner at 1 m/s; with double one that hears seconds late is
+  /// corrected the wrong way for longer.
+  static constexpr TimeNs suspected_for_ns = ns_per_s;
+  bool is_suspected() const noexcept { return since_ns_ != 0 && seen_ns_ - since_ns_ >= suspected_for_ns; }
   bool differs() const noexcept { return since_ns_ != 0 && seen_ns_ - since_ns_ >= differs_for_ns; }
 
  private:

@@ -469,23 +469,27 @@ TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
 
 TEST_F(FailsafeTest, TheSetpointIsClippedAtTheFenceAndOnlyOutward) {
   const Velocity desired{{1, 1, 1}, 0.5F};
-  const Velocity at = clip_at_fence(fence, {fence.max_m[0], 0, 1}, 1, desired);
+  const Velocity at = clip_at_fence(fence, {fence.max_m[0], 0, 1}, 1, desired, 0);
   EXPECT_EQ(at.mps[0], 0);
   EXPECT_EQ(at.mps[1], 1);
   EXPECT_EQ(at.yaw_radps, 0.5F);
-  EXPECT_LT(clip_at_fence(fence, {fence.max_m[0] - 0.2, 0, 1}, 1, desired).mps[0], 0.5F);
-  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, desired).mps[0], 1);          // leads back
-  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, {{-1, 0, 0}, 0}).mps[0], 0);  // leads out
-  EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.max_m[2] + 0.5}, 1, desired).mps[2], 0);
+  // With a push it goes back, slowly, and not up from the floor.
+  EXPECT_EQ(clip_at_fence(fence, {fence.max_m[0] + 1, 0, 1}, 1, desired, 0.3F).mps[0], -0.3F);
+  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 1, 0, 1}, 1, {}, 0.3F).mps[0], 0.3F);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.min_m[2] - 0.1}, 0, {}, 0.3F).mps[2], 0);
+  EXPECT_LT(clip_at_fence(fence, {fence.max_m[0] - 0.2, 0, 1}, 1, desired, 0).mps[0], 0.5F);
+  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, desired, 0).mps[0], 1);          // leads back
+  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, {{-1, 0, 0}, 0}, 0).mps[0], 0);  // leads out
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.max_m[2] + 0.5}, 1, desired, 0).mps[2], 0);
 }
 
 TEST_F(FailsafeTest, TheSetpointsUpwardPartIsClippedByTheDronesOwnHeightToo) {
   const auto ceiling = static_cast<float>(fence.max_m[2]);
-  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, 1, {{0, 0, 1}, 0}).mps[2], 1);
-  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling, {{0, 0, 1}, 0}).mps[2], 0);
-  EXPECT_LT(clip_at_fence(fence, {0, 0, 1}, ceiling - 0.2F, {{0, 0, 1}, 0}).mps[2], 0.5F);
-  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling + 1, {{1, 0, -1}, 0}).mps[2], -1) << "down it may always go";
-  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling + 1, {{1, 0, -1}, 0}).mps[0], 1);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, 1, {{0, 0, 1}, 0}, 0).mps[2], 1);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling, {{0, 0, 1}, 0}, 0).mps[2], 0);
+  EXPECT_LT(clip_at_fence(fence, {0, 0, 1}, ceiling - 0.2F, {{0, 0, 1}, 0}, 0).mps[2], 0.5F);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling + 1, {{1, 0, -1}, 0}, 0).mps[2], -1) << "down it may always go";
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, ceiling + 1, {{1, 0, -1}, 0}, 0).mps[0], 1);
 }
 
 // ---- docs/failsafe.md says what is true

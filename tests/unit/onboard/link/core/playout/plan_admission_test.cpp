@@ -79,6 +79,10 @@ TEST_F(PlanAdmissionTest, BadNumbersAreDroppedNotFlown) {
   EXPECT_TRUE(refused([&](Plan& p) { p.setpoints[0].velocity_mps[2] = -infinite; }));
   EXPECT_TRUE(refused([&](Plan& p) { p.setpoints[3].yaw_rate_radps = nan; }));
   EXPECT_TRUE(refused([&](Plan& p) { p.setpoints[0].velocity_mps[0] = 1e6F; }));
+  EXPECT_TRUE(refused([&](Plan& p) { p.setpoints[1].reference.position_m[0] = nan; }));
+  EXPECT_TRUE(refused([&](Plan& p) { p.setpoints[1].reference.velocity_mps[2] = infinite; }));
+  EXPECT_TRUE(refused([&](Plan& p) { p.setpoints[1].reference.acceleration_mps2[1] = -1e6F; }));
+  EXPECT_TRUE(refused([](Plan& p) { p.response.lag_s = 0; }));
   EXPECT_TRUE(refused([](Plan& p) { p.setpoints[2].at_ns = p.setpoints[1].at_ns; }));
   EXPECT_TRUE(refused([](Plan& p) { p.setpoints[0].at_ns = -1; }));
   EXPECT_TRUE(refused([&](Plan& p) { p.setpoints[3].at_ns = t + 100 * ns_per_s; }));

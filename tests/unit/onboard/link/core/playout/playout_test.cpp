@@ -51,6 +51,19 @@ TEST_F(PlayoutTest, EachSetpointIsFlownAtItsTimeAndNotBefore) {
   EXPECT_EQ(admission.counters().applied, 1U);
 }
 
+TEST_F(PlayoutTest, AReferenceMovesOnFromItsSetpointsMoment) {
+  Plan plan = plan_of(1, t, 2, 1, t);
+  plan.setpoints[1].has_reference = true;
+  plan.setpoints[1].reference = {{2, 0, 1}, {1, 0, 0}, {0, 2, 0}};
+  give(t, plan);
+  EXPECT_FALSE(fly(t).has_reference);
+  const auto setpoint = fly(t + 70 * ms);
+  ASSERT_TRUE(setpoint.has_reference);
+  EXPECT_FLOAT_EQ(setpoint.reference.position_m[0], 2.02F);
+  EXPECT_FLOAT_EQ(setpoint.reference.position_m[1], 0.0004F);
+  EXPECT_FLOAT_EQ(setpoint.reference.velocity_mps[1], 0.04F);
+}
+
 TEST_F(PlayoutTest, APlanInHandFillsTheGapUntilItsSuccessorIsDue) {
   give(t, plan_of(1, t, 10, 1, t));
   EXPECT_EQ(fly(t).sequence, 1U);
