@@ -242,7 +242,9 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
       broke(which::silent, now,
             fmt::format("{}: {:.0f} ms after its plan's end no hold", observation.name, to_ms(silent_for)));
     }
-    if (rested && silent_for > hold_within_ns + ramp_ns && observation.sent_mps > 0) {
+    const bool stays = observation.mode == FailsafeMode::hold || observation.mode == FailsafeMode::brake;
+    const double stays_mps = stays ? hold_mps : 0;
+    if (rested && silent_for > hold_within_ns + ramp_ns && observation.sent_mps > stays_mps) {
       broke(which::silent, now,
             fmt::format("{}: sent {:.2f} m/s {:.0f} ms after its plan's end", observation.name, observation.sent_mps,
                         to_ms(silent_for)));
@@ -283,6 +285,7 @@ void Checker::check_rule(const Moment& moment, RuleState& state) const {
   state.waits = false;
   state.done.resize(moment.drones.size());
   state.counts.resize(moment.drones.size());
+  state.hovers.resize(moment.drones.size());
   for (const WorldEvent& event : moment.events) {
     if (kind.on_event) kind.on_event(state, moment, event);
   }

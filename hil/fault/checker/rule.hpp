@@ -121,6 +121,11 @@ struct RuleState {
   std::optional<TimeNs> from_ns{};    ///< what its time counts from; nothing: that was not yet
   std::vector<bool> done{};           ///< by drone
   std::vector<std::size_t> counts{};  ///< by drone
+  struct Hover {
+    std::optional<TimeNs> since_ns{};
+    std::optional<std::array<double, 3>> place_m{};
+  };
+  std::vector<Hover> hovers{};  ///< by drone
   bool all_done() const;
 };
 

@@ -191,6 +191,21 @@ void path(RuleState& state, const Sight& sight, std::size_t drone) {
   check_measure(state, sight, drone, metres, metres > state.verdict.rule.amount, "m");
 }
 
+void hovers(RuleState& state, const Sight& sight, std::size_t drone) {
+  constexpr TimeNs settles_ns = 2 * ns_per_s;
+  const DroneObservation& observation = of(sight, drone);
+  RuleState::Hover& hover = state.hovers[drone];
+  if (observation.phase != LinkPhase::flying) {
+    hover = {};
+    return;
+  }
+  if (!hover.since_ns) hover.since_ns = sight.moment.now;
+  if (sight.moment.now - *hover.since_ns < settles_ns) return;
+  if (!hover.place_m) hover.place_m = observation.truth.position_m;
+  const double off = distance_m(observation.truth.position_m, *hover.place_m);
+  check_measure(state, sight, drone, off, off > state.verdict.rule.amount, "m off");
+}
+
 // `counts`: corners that it came to in their order, from the one behind the first, laps counted on.
 void visits(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneObservation& observation = of(sight, drone);
@@ -333,6 +348,11 @@ constexpr RuleKind table[] = {
     {.form = "height below {}", .takes = Takes::metres, .help = "of the true place", .observe = height},
     {.form = "speed below {}", .takes = Takes::speed, .help = "of the true speed", .observe = speed},
     {.form = "path within {}", .takes = Takes::metres, .help = "of the true place from the path", .observe = path},
+    {.form = "hovers within {}",
+     .takes = Takes::metres,
+     .help = "of the true place where it was 2 s after it began to fly, until it lands",
+     .observe = hovers,
+     .needs_link = true},
     {.form = "corners within {}",
      .takes = Takes::metres,
      .help = "every drone comes so near to each corner of its course, in their order, every lap",

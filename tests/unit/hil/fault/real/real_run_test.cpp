@@ -370,7 +370,7 @@ TEST_F(Flight, IsBrokenByALinkThatHoldsAndStillTellsTheDroneASpeed) {
   mode(13 * ns_per_s, LinkPhase::landing);
   rc(10 * ns_per_s, {0, 0, 0, 0});
   EXPECT_THAT(broken(""), IsEmpty());
-  rc(10'100 * ns_per_ms, {0, 30, 0, 0});
+  rc(10'100 * ns_per_ms, {0, 50, 0, 0});
   EXPECT_THAT(broken(""), ElementsAre("always: a hold or a landing after silence"));
 }
 
