@@ -14,7 +14,7 @@ FLIGHT = {"settings": str, "shape": str, "side": NUMBER, "drones": int, "rate": 
           "seconds": NUMBER, "ramp": str, "predict": str, "max_age": str, "ledger": str, "storage": str, "orderers": int,
           "batch_count": int, "batch_timeout": str, "gateway": bool, "endorser": bool}
 SITL = {"mode": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "ramp": str,
-           "predict": str, "max_age": NUMBER, "delay": (int, float, str), "model_error": NUMBER, "gust": NUMBER,
+           "predict": str, "track": str, "max_age": NUMBER, "delay": (int, float, str), "delay_side": str, "model_error": NUMBER, "gust": NUMBER,
            "full_scale": NUMBER, "batch_count": int, "batch_timeout": NUMBER}
 EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ramp": str, "laps": int}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}
@@ -157,7 +157,9 @@ def figure_of(file: pathlib.Path, where: str, values: dict, cases: list[Case]) -
     table = Table(file, where, values)
     figure = {"kind": table.choice("kind", FIGURES, required=True), "title": table.take("title", str, required=True),
               "cases": table.take("cases", list), "figure": table.take("figure", str), "x": table.take("x", str),
-              "by": table.take("by", str), "label": table.take("label", str, ""), "log": table.take("log", bool, False)}
+              "by": table.take("by", str), "label": table.take("label", str, ""), "log": table.take("log", bool, False),
+              "where": table.take("where", dict, {}), "mean": table.take("mean", bool, False),
+              "beside": table.take("beside", list, [])}
     table.done()
     for name in figure["cases"] or []:
         if name not in [case.name for case in cases]:

@@ -186,26 +186,33 @@ def bars(document: dict, figure: dict, _published: dict):
     return fig
 
 
-def lines(document: dict, figure: dict, _published: dict):
-    """One figure over one option that is a number, a line for each value of another: medians, lowest to highest as a band."""
+def lines(document: dict, figure: dict, published: dict):
+    """One figure over one option that is a number, a line for each value of others: medians, lowest to highest as a band;
+    or means. `where`: of cases with these options alone. `beside`: what others have published, over the same."""
     fig, axes = plt.subplots(figsize=(7, 4))
     series = {}
+    by = figure["by"].split(", ") if figure["by"] else []
     for name, repetitions in chosen(document, figure).items():
         options = document["asked"]["cases"][name]
         values = values_of(repetitions, figure["figure"])
-        if values and isinstance(options.get(figure["x"]), (int, float)) and (figure["by"] is None or figure["by"] in options):
-            series.setdefault(str(options[figure["by"]]) if figure["by"] else "", []).append((options[figure["x"]], values))
+        wanted = all(options.get(key) == value for key, value in figure["where"].items())
+        if wanted and values and isinstance(options.get(figure["x"]), (int, float)) and all(key in options for key in by):
+            label = ", ".join(f"{key.replace('_', ' ')} {options[key]}" for key in by)
+            series.setdefault(label, []).append((options[figure["x"]], values))
     for i, (label, points) in enumerate(series.items()):
         points.sort(key=lambda one: one[0])
         x = [x for x, _ in points]
-        axes.plot(x, [np.median(v) for _, v in points], "o-", color=colour(i),
-                  label=f"{figure['by']} {label}" if figure["by"] else None)
-        axes.fill_between(x, [min(v) for _, v in points], [max(v) for _, v in points], color=colour(i), alpha=0.15)
+        axes.plot(x, [np.mean(v) if figure["mean"] else np.median(v) for _, v in points], "o-", color=colour(i), label=label or None)
+        if not figure["mean"]:
+            axes.fill_between(x, [min(v) for _, v in points], [max(v) for _, v in points], color=colour(i), alpha=0.15)
+    for marker, name in zip("sD^", figure["beside"]):
+        other = published["over_delay"][name]
+        axes.plot(other["delay"], other[figure["figure"]], marker + "--", color=GREY, linewidth=1, label=other["what"])
     axes.set_xlabel(figure["x"].replace("_", " "))
     axes.set_ylabel(figure["label"])
     if figure["log"]:
         axes.set_yscale("log")
-    if figure["by"]:
+    if by or figure["beside"]:
         axes.legend(fontsize=7)
     return fig
 

@@ -128,6 +128,7 @@ def tracking_figures(drones: list[dict], finished: bool) -> dict:
     if laps:
         figures["lap_s"] = sum(laps) / len(laps)
     figures["fails"] = 0.0 if finished and errors and figures["max_m"] <= verdicts.FAILS_BEYOND_M else 1.0
+    figures["completed"] = 1.0 - figures["fails"]
     return figures
 
 
