@@ -1,6 +1,5 @@
 #include <openssl/crypto.h>
 #include <openssl/evp.h>
-#include <openssl/sha.h>
 #include <sys/random.h>
 
 #include <cerrno>
@@ -21,8 +20,14 @@ namespace {
 }  // namespace
 
 Digest sha256(std::string_view data) {
+  // Fetched once: libcrypto's own one-shot calls look the algorithm up each time, which is most of a small digest.
+  static const EVP_MD* const algorithm = EVP_MD_fetch(nullptr, "SHA256", nullptr);
+  thread_local const MdContextPtr context(EVP_MD_CTX_new());
   Digest out;
-  SHA256(reinterpret_cast<const unsigned char*>(data.data()), data.size(), out.data());
+  const bool made = EVP_DigestInit_ex2(context.get(), algorithm, nullptr) == 1 &&
+                    EVP_DigestUpdate(context.get(), data.data(), data.size()) == 1 &&
+                    EVP_DigestFinal_ex(context.get(), out.data(), nullptr) == 1;
+  if (!made) throw std::runtime_error("libcrypto makes no SHA-256: " + openssl_error());
   return out;
 }
 

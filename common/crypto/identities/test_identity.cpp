@@ -1,4 +1,7 @@
 #include <algorithm>
+#include <functional>
+#include <map>
+#include <mutex>
 
 #include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
@@ -8,16 +11,20 @@ namespace ledgerline::crypto {
 namespace {
 
 constexpr std::string_view test_prefix = "test:";
+constexpr std::size_t max_known = 1'000;  // members; a flight has a dozen
 
-std::string digest_of(const IdentityName& name, std::string_view message) {
-  const Digest digest = sha256(name.msp_id + "\n" + name.subject + "\n" + std::string(message));
+std::string signature_of(const IdentityName& name, std::string_view message) {
+  std::string text;
+  text.reserve(name.msp_id.size() + name.subject.size() + message.size() + 2);
+  text.append(name.msp_id).append("\n").append(name.subject).append("\n").append(message);
+  const Digest digest = sha256(text);
   return {digest.begin(), digest.end()};
 }
 
 class TestSigner final : public Signer {
  public:
   explicit TestSigner(IdentityName name) : name_(std::move(name)) {}
-  Result<std::string> sign(std::string_view message) const override { return digest_of(name_, message); }
+  Result<std::string> sign(std::string_view message) const override { return signature_of(name_, message); }
 
  private:
   IdentityName name_;
@@ -27,7 +34,7 @@ class TestVerifier final : public Verifier {
  public:
   explicit TestVerifier(IdentityName name) : name_(std::move(name)) {}
   bool verify(std::string_view message, std::string_view signature) const override {
-    return digest_of(name_, message) == signature;
+    return signature_of(name_, message) == signature;
   }
 
  private:
@@ -39,6 +46,17 @@ class TestRegistry final : public MspRegistry {
   explicit TestRegistry(std::vector<std::string> msp_ids) : msp_ids_(std::move(msp_ids)) {}
 
   Result<std::shared_ptr<const Member>> member(std::string_view serialized, std::optional<std::int64_t>) override {
+    const std::lock_guard lock(mutex_);
+    if (const auto known = known_.find(serialized); known != known_.end()) return known->second;
+    auto member = read(serialized);
+    if (!member) return member;
+    if (known_.size() >= max_known) known_.clear();
+    known_.emplace(serialized, *member);
+    return member;
+  }
+
+ private:
+  Result<std::shared_ptr<const Member>> read(std::string_view serialized) const {
     msp::SerializedIdentity identity;
     if (!identity.ParseFromArray(serialized.data(), static_cast<int>(serialized.size()))) {
       return Error{"could not deserialize a SerializedIdentity"};
@@ -53,8 +71,9 @@ class TestRegistry final : public MspRegistry {
                name.subject.starts_with("CN=orderer"), std::make_shared<TestVerifier>(name)});
   }
 
- private:
   std::vector<std::string> msp_ids_;
+  std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<const Member>, std::less<>> known_;  ///< by their bytes
 };
 
 }  // namespace
