@@ -159,7 +159,7 @@ void AgentProcess::receive() {
   for (const auto& ended : port_.pop_outcomes()) core_->on_outcome(host_now, ended.id, ended.outcome, out_);
   for (const std::string& why : port_.pop_contradictions())
     core_->on_violation(host_now, agent::IntegrityViolation::stream, why);
-  for (const auto& block : port_.pop_blocks()) core_->on_block(host_now, block, out_);
+  for (const auto& block : port_.pop_blocks()) core_->on_block(host_now, *block, out_);
   for (const auto& block : port_.pop_refused()) core_->on_refused_block(host_now, block, out_);
 }
 

@@ -152,7 +152,7 @@ class GroundProcess {
 
 /// Steps a ground with what the ledger has for it, in the order of ground's shell: how calls ended, then blocks.
 template <typename Step>
-void apply_updates(const std::vector<SimulatedLedger::Ended>& outcomes, const std::vector<fabric::Block>& blocks,
+void apply_updates(const std::vector<SimulatedLedger::Ended>& outcomes, const std::vector<VerifiedBlock>& blocks,
                    const Step& step) {
   for (const auto& ended : outcomes) {
     ground::FlightInputs inputs;
@@ -162,7 +162,7 @@ void apply_updates(const std::vector<SimulatedLedger::Ended>& outcomes, const st
   }
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     ground::FlightInputs inputs;
-    inputs.block = &blocks[i];
+    inputs.block = blocks[i].get();
     inputs.more = i + 1 < blocks.size();
     step(inputs);
   }

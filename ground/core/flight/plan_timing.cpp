@@ -100,9 +100,15 @@ Status PlanTiming::check_delay() const {
 
 void PlanTiming::measure(TimeNs one_way_ns) {
   two_way_.add(one_way_ns);
-  guess_ = timing_for({.soonest_ns = two_way_.own(quick),
-                       .in_time_ns = two_way_.quantile(in_time),
-                       .tail_ns = two_way_.quantile(almost_all) - two_way_.quantile(0.5)});
+  guess_.reset();
+}
+
+const PlanTiming::Timing& PlanTiming::guess() const {
+  if (!guess_)
+    guess_ = timing_for({.soonest_ns = two_way_.own(quick),
+                         .in_time_ns = two_way_.quantile(in_time),
+                         .tail_ns = two_way_.quantile(almost_all) - two_way_.quantile(0.5)});
+  return *guess_;
 }
 
 PlanTiming::Timing PlanTiming::timing_for(const Ways& ways) {
@@ -127,7 +133,7 @@ void PlanTiming::begin_lease(std::size_t drone) {
 }
 
 const PlanTiming::Timing& PlanTiming::of(std::size_t drone) const {
-  return drones_[drone].timing ? *drones_[drone].timing : guess_;
+  return drones_[drone].timing ? *drones_[drone].timing : guess();
 }
 
 TimeNs PlanTiming::max_delay_ns() const {

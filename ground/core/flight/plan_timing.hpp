@@ -94,12 +94,14 @@ class PlanTiming {
     TimeNs soonest_ns = 0, in_time_ns = 0, tail_ns = 0, spacing_ns = 0;
   };
   static Timing timing_for(const Ways& ways);
+  const Timing& guess() const;
   static void add_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns);
   static void forget_arrivals(Drone& drone);
 
   std::vector<Drone> drones_;
   RoundTripEstimate two_way_;
-  Timing guess_;  ///< by two_way_, for drones of which no plan is known to have come lately
+  /// By two_way_, for drones of which no plan is known to have come lately; made when it is asked for.
+  mutable std::optional<Timing> guess_ = Timing{};
 };
 
 }  // namespace ledgerline::ground

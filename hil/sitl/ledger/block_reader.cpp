@@ -1,21 +1,20 @@
 #include "hil/sitl/ledger/block_reader.hpp"
 
 #include <algorithm>
+#include <cassert>
 
 #include "common/fabric/tx/envelope.hpp"
 #include "common/verification/calls.hpp"
 
 namespace ledgerline::hil {
 
-BlockReader::BlockReader(const SimulatedLedger& ledger, std::uint64_t seed)
-    : ledger_(ledger), peer_(ledger.block(0), seed), orderer_(ledger.block(0), ~seed, test_orderer_keys()) {
-  for (std::uint64_t number = 1; number < ledger.height(); ++number) peer_.add(0, ledger.block(number));
-}
+namespace {
 
-void BlockReader::begin(std::optional<fabric::Checkpoint> from) {
+/// Of a reader of which `now` is the time.
+fabric::BlockIntake make_intake(const SimulatedLedger& ledger, fabric::BlockSource source, const TimeNs& now) {
   auto intake = fabric::BlockIntake::make(
-      {.where = ledger_.where(),
-       .config_block = ledger_.block(0)->SerializeAsString(),
+      {.where = ledger.where(),
+       .config_block = ledger.block(0)->SerializeAsString(),
        .make_registry =
            [](const std::vector<crypto::MspRoot>& roots) {
              std::vector<std::string> names;
@@ -24,14 +23,87 @@ void BlockReader::begin(std::optional<fabric::Checkpoint> from) {
            },
        .contract_rules = {.likely_policy = [](const std::string& key) { return verification::likely_policy(key); },
                           .is_of_hot_path = [](const std::string& key) { return verification::is_of_hot_path(key); }},
-       .real_time = [this] { return SimulatedLedger::real(now_); },
-       .source = source_});
+       .real_time = [&now] { return SimulatedLedger::real(now); },
+       .source = source});
+  return std::move(intake).value();
+}
+
+}  // namespace
+
+CommonIntake::CommonIntake(const SimulatedLedger& ledger, std::uint64_t first)
+    : ledger_(ledger), intake_(make_intake(ledger, fabric::BlockSource::peer, now_)) {
+  intake_.start_at(first);
+}
+
+VerifiedBlock CommonIntake::verify(TimeNs now, const SimulatedLedger::BlockPtr& block) {
+  if (block->header().number() == intake_.next()) {
+    now_ = now;
+    auto verified = intake_.add(*block, [this](std::uint64_t number) -> Result<common::Block> {
+      return *ledger_.block(number);
+    });
+    if (!verified) return nullptr;
+    newest_.emplace_back(block, std::make_shared<const fabric::Block>(std::move(*verified)));
+    if (newest_.size() > max_kept) newest_.pop_front();
+    return newest_.back().second;
+  }
+  const auto known = std::ranges::find(newest_, block, [](const auto& one) -> const auto& { return one.first; });
+  return known == newest_.end() ? nullptr : known->second;
+}
+
+BlockReader::BlockReader(SimulatedLedger& ledger, std::uint64_t seed)
+    : ledger_(ledger), peer_(ledger.block(0), seed), orderer_(ledger.block(0), ~seed, test_orderer_keys()) {
+  for (std::uint64_t number = 1; number < ledger.height(); ++number) peer_.add(0, ledger.block(number));
+}
+
+void BlockReader::begin(std::optional<fabric::Checkpoint> from) {
   orderer_connected_ = false;
-  intake_ = std::move(intake).value();
-  checkpoint_ = std::move(from);
-  newest_verified_ = checkpoint_;
-  if (!checkpoint_) intake_->start_at(peer_.height());
+  checkpoint_ = began_behind_ = std::move(from);
+  newest_verified_.reset();
+  intake_.reset();
+  common_.reset();
+  read_ns_.clear();
+  first_ = peer_.height();
+  if (checkpoint_ || source_ != fabric::BlockSource::peer) {
+    intake_.emplace(make_intake(ledger_, source_, now_));
+    if (!checkpoint_) intake_->start_at(first_);
+  } else {
+    auto& common = ledger_.common_intakes()[first_];
+    common_ = common.lock();
+    if (!common_) common = common_ = std::make_shared<CommonIntake>(ledger_, first_);
+  }
   reading_ = true;
+}
+
+/// What the common intake has made of its blocks so far an own one makes again.
+void BlockReader::go_alone() {
+  if (!common_) return;
+  common_.reset();
+  intake_.emplace(make_intake(ledger_, source_, now_));
+  intake_->start_at(first_);
+  const TimeNs now = now_;
+  for (std::size_t i = 0; i < read_ns_.size(); ++i) {
+    now_ = read_ns_[i];
+    [[maybe_unused]] const auto again = intake_->add(*peer_.at(first_ + i), fetch());
+    assert(again.ok());
+  }
+  now_ = now;
+}
+
+std::uint64_t BlockReader::next_of_peer() const {
+  return common_ ? first_ + read_ns_.size() : *intake_->next_of_peer();
+}
+
+fabric::BlockIntake::Fetch BlockReader::fetch() const {
+  return [this](std::uint64_t number) { return peer_.fetch(number); };
+}
+
+std::optional<fabric::Checkpoint> BlockReader::checkpoint() const {
+  if (!newest_verified_) return began_behind_;
+  const fabric::Block& block = *newest_verified_;
+  return fabric::Checkpoint{ledger_.where().channel,
+                            block.number,
+                            fabric::block_header_hash(block.number, block.previous_hash, block.data_hash),
+                            {}};
 }
 
 void BlockReader::end() {
@@ -41,6 +113,7 @@ void BlockReader::end() {
 }
 
 bool BlockReader::connect() {
+  go_alone();
   const bool consistent = !intake_->contradiction();
   intake_->begin();
   return consistent;
@@ -50,24 +123,33 @@ Status BlockReader::read(TimeNs now) {
   now_ = now;
   if (!reading_) return done;
   if (auto found = find_place(now); !found || checkpoint_) return found;
-  if (intake_->contradiction()) {
+  if (intake_ && intake_->contradiction()) {
     read_behind_contradiction(now);
     return done;
   }
   read_ordered(now);
-  while (const auto message = peer_.serve(now, *intake_->next_of_peer())) {
+  while (const auto message = peer_.serve(now, next_of_peer())) {
+    if (common_) {
+      const bool honest = message == peer_.at(next_of_peer());
+      if (auto block = honest ? common_->verify(now, message) : nullptr) {
+        read_ns_.push_back(now);
+        add_verified(std::move(block));
+        continue;
+      }
+      go_alone();
+    }
     if (intake_->confirms_next()) {
       if (const auto confirmed = intake_->confirm(*message); !confirmed) {
         refuse(*message);
         return disconnect_peer(confirmed.error().message);
       }
     } else {
-      auto block = intake_->add(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
+      auto block = intake_->add(*message, fetch());
       if (!block) {
         refuse(*message);
         return disconnect_peer(block.error().message);
       }
-      add_verified(std::move(*block));
+      add_verified(std::make_shared<const fabric::Block>(std::move(*block)));
     }
     (void)pop_ordered(now);
   }
@@ -79,8 +161,7 @@ Status BlockReader::find_place(TimeNs now) {
   if (!checkpoint_) return done;
   const auto newest = peer_.newest(now);
   if (!newest) return done;
-  const auto on = intake_->continue_chain({*checkpoint_, max_absence_blocks}, *newest,
-                                          [this](std::uint64_t number) { return peer_.fetch(number); });
+  const auto on = intake_->continue_chain({*checkpoint_, max_absence_blocks}, *newest, fetch());
   if (!on) return disconnect_peer(on.error().message);
   checkpoint_.reset();
   return done;
@@ -131,7 +212,7 @@ bool BlockReader::pop_ordered(TimeNs now) {
       return false;
     }
     if (!*ordered) return true;
-    add_verified(std::move((*ordered)->block));
+    add_verified(std::make_shared<const fabric::Block>(std::move((*ordered)->block)));
   }
 }
 
@@ -145,11 +226,8 @@ void BlockReader::refuse(const common::Block& message) {
   if (auto block = fabric::decode_block(message)) refused_.push_back(std::move(*block));
 }
 
-void BlockReader::add_verified(fabric::Block block) {
-  newest_verified_ = {ledger_.where().channel,
-                      block.number,
-                      fabric::block_header_hash(block.number, block.previous_hash, block.data_hash),
-                      {}};
+void BlockReader::add_verified(VerifiedBlock block) {
+  newest_verified_ = block;
   verified_.push_back(std::move(block));
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 #include <cstdint>
+#include <deque>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,9 +14,30 @@
 
 namespace ledgerline::hil {
 
+using VerifiedBlock = std::shared_ptr<const fabric::Block>;
+
+/// Verifies each block once for all readers who began at the same one and were given the ledger's own since then: a
+/// BlockIntake makes the same of the same blocks. One thread.
+class CommonIntake {
+ public:
+  CommonIntake(const SimulatedLedger& ledger, std::uint64_t first);
+
+  /// The ledger's own block of that number. Null: it is refused, or so old that it is not kept any more.
+  VerifiedBlock verify(TimeNs now, const SimulatedLedger::BlockPtr& block);
+
+ private:
+  static constexpr std::size_t max_kept = 64;  ///< by how much one reader may be behind another
+
+  const SimulatedLedger& ledger_;
+  TimeNs now_ = 0;
+  fabric::BlockIntake intake_;
+  std::deque<std::pair<SimulatedLedger::BlockPtr, VerifiedBlock>> newest_;
+};
+
 /// Reads the blocks that a peer, and perhaps an orderer, serves to one process, and verifies them as fabric::Client
 /// does: by a BlockIntake, with the channel's first block as the trust anchor, without gap or duplicate. Deterministic
-/// for a seed; one thread.
+/// for a seed; one thread. While it is given what other readers are, they have a CommonIntake; with the first block that
+/// is another one it goes on alone, and makes of that one what it would have alone all along.
 class BlockReader {
  public:
   using BlockPtr = SimulatedLedger::BlockPtr;
@@ -22,7 +45,7 @@ class BlockReader {
   static constexpr std::uint64_t max_absence_blocks = 1'000;  ///< as agent's
 
   /// The peer has what the ledger has by now.
-  BlockReader(const SimulatedLedger& ledger, std::uint64_t seed);
+  BlockReader(SimulatedLedger& ledger, std::uint64_t seed);
 
   /// Of a process that begins from now on.
   void set_block_source(fabric::BlockSource source) { source_ = source; }
@@ -47,13 +70,13 @@ class BlockReader {
   /// Everything that is served now. The error says why the peer is to be left; it is in the contradictions.
   Status read(TimeNs now);
 
-  std::vector<fabric::Block> pop_verified() { return std::exchange(verified_, {}); }
+  std::vector<VerifiedBlock> pop_verified() { return std::exchange(verified_, {}); }
   /// That were refused: of either stream, by nobody's flag.
   std::vector<fabric::Block> pop_refused() { return std::exchange(refused_, {}); }
   /// Why a peer or orderer was left since the last call, in words.
   std::vector<std::string> pop_contradictions() { return std::exchange(contradictions_, {}); }
   /// The newest block that was verified; none: none was yet.
-  const std::optional<fabric::Checkpoint>& checkpoint() const { return newest_verified_; }
+  std::optional<fabric::Checkpoint> checkpoint() const;
 
  private:
   Status find_place(TimeNs now);
@@ -63,19 +86,27 @@ class BlockReader {
   bool pop_ordered(TimeNs now);
   void disconnect_orderer(TimeNs now, std::string why);
   void refuse(const common::Block& message);
-  void add_verified(fabric::Block block);
+  std::uint64_t next_of_peer() const;
+  void add_verified(VerifiedBlock block);
+  void go_alone();
+  fabric::BlockIntake::Fetch fetch() const;
 
-  const SimulatedLedger& ledger_;
+  SimulatedLedger& ledger_;
   fabric::BlockSource source_ = fabric::BlockSource::peer;
   ServingPeer peer_, orderer_;
   bool orderer_connected_ = false;
   TimeNs orderer_at_ns_ = 0;  ///< then it is asked again
   TimeNs now_ = 0;            ///< of the last read
-  std::optional<fabric::BlockIntake> intake_;
+  std::optional<fabric::BlockIntake> intake_;  ///< none while there is a common one
+  std::shared_ptr<CommonIntake> common_;
+  std::uint64_t first_ = 0;      ///< block of the common one
+  std::vector<TimeNs> read_ns_;  ///< when each of its blocks was read, from the first on
   bool reading_ = false;                          ///< a process is there
   std::optional<fabric::Checkpoint> checkpoint_;  ///< until its place is found
-  std::optional<fabric::Checkpoint> newest_verified_;
-  std::vector<fabric::Block> verified_, refused_;
+  std::optional<fabric::Checkpoint> began_behind_;
+  VerifiedBlock newest_verified_;
+  std::vector<VerifiedBlock> verified_;
+  std::vector<fabric::Block> refused_;
   std::vector<std::string> contradictions_;
   // Behind a contradiction.
   std::uint64_t next_refused_ = 0, next_ordered_refused_ = 0;  ///< of the peer and the orderer

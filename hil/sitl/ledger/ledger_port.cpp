@@ -98,19 +98,24 @@ void LedgerCalls::forget() {
   ended_.clear();
 }
 
-void BlockDelivery::add(fabric::Block block) {
-  newest_.push_back(block);
+void BlockDelivery::add(const VerifiedBlock& verified) {
+  newest_.push_back(verified);
   if (newest_.size() > stale_blocks) newest_.pop_front();
+  if (tampering_ == Tampering::none) {
+    delivered_.push_back(verified);
+    return;
+  }
+  fabric::Block block = *verified;
   if (tampering_ == Tampering::hash || tampering_ == Tampering::number) {
     fabric::Block empty = block;
     empty.transactions.clear();
     if (tampering_ == Tampering::number) ++empty.number;
     if (tampering_ == Tampering::hash) empty.previous_hash[0] ^= 1;
-    delivered_.push_back(std::move(empty));
+    delivered_.push_back(std::make_shared<const fabric::Block>(std::move(empty)));
   }
   if (tampering_ == Tampering::chain) block.previous_hash[0] ^= 1;
   for (fabric::Transaction& tx : block.transactions) tamper_with(tx, tampering_);
-  delivered_.push_back(std::move(block));
+  delivered_.push_back(std::make_shared<const fabric::Block>(std::move(block)));
 }
 
 void BlockDelivery::step(TimeNs now) {
@@ -226,7 +231,7 @@ void LedgerPort::deliver(TimeNs now) {
     for (; !blocks_.empty() && blocks_.front().first <= now; blocks_.pop_front())
       reader_.add(now, std::move(blocks_.front().second));
     const Status read = reader_.read(now);
-    for (fabric::Block& block : reader_.pop_verified()) delivery_.add(std::move(block));
+    for (const VerifiedBlock& block : reader_.pop_verified()) delivery_.add(block);
     if (!read) {
       connection_ = false;
       connect_at_ns_ = now + reconnect_ns;

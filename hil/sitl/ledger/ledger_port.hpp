@@ -81,17 +81,17 @@ class BlockDelivery {
   void stale(bool stale) { stale_ = stale; }
   bool stale() const { return stale_; }
 
-  void add(fabric::Block block);
+  void add(const VerifiedBlock& block);
   void step(TimeNs now);
-  std::vector<fabric::Block> pop() { return std::exchange(delivered_, {}); }
+  std::vector<VerifiedBlock> pop() { return std::exchange(delivered_, {}); }
   void forget() { delivered_.clear(); }
 
  private:
   Tampering tampering_ = Tampering::none;
   bool stale_ = false;
   TimeNs next_stale_ns_ = 0;
-  std::deque<fabric::Block> newest_;
-  std::vector<fabric::Block> delivered_;
+  std::deque<VerifiedBlock> newest_;
+  std::vector<VerifiedBlock> delivered_;
 };
 
 /// One process' connection to the simulated ledger, with what may be wrong with it. It keeps its order, as TCP does,
@@ -111,7 +111,7 @@ class LedgerPort {
   void submit(TimeNs now, std::uint64_t id, fabric::Call call);
   /// Moves what is due, both ways. After the ledger's own step.
   void step(TimeNs now);
-  std::vector<fabric::Block> pop_blocks() { return delivery_.pop(); }
+  std::vector<VerifiedBlock> pop_blocks() { return delivery_.pop(); }
   std::vector<fabric::Block> pop_refused() { return reader_.pop_refused(); }
   std::vector<SimulatedLedger::Ended> pop_outcomes() { return calls_.pop_ended(); }
   /// Whether the block stream has come or gone since the last call.
@@ -127,7 +127,7 @@ class LedgerPort {
   /// max_peer_lag_ns.
   void set_block_source(fabric::BlockSource source) { reader_.set_block_source(source); }
   static constexpr TimeNs max_peer_lag_ns = 6 * ns_per_ms;
-  const std::optional<fabric::Checkpoint>& checkpoint() const { return reader_.checkpoint(); }
+  std::optional<fabric::Checkpoint> checkpoint() const { return reader_.checkpoint(); }
   std::vector<std::string> pop_contradictions() { return reader_.pop_contradictions(); }
 
   // Faults.

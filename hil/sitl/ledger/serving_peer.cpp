@@ -200,8 +200,9 @@ std::string ServingPeer::orders(TimeNs now) {
   if (tampering_ != PeerTampering::trusts_own || now < next_order_ns_) return {};
   next_order_ns_ = now + own_period_ns;
   const auto number = static_cast<std::uint64_t>(now);
-  return earlier_command_.empty() || drawn(seed_, number) % 2 == 0 ? own_stop(keys_.peer, number)
-                                                                   : own_command(keys_.peer, earlier_command_, number);
+  const std::string command = newest_command();
+  return command.empty() || drawn(seed_, number) % 2 == 0 ? own_stop(keys_.peer, number)
+                                                          : own_command(keys_.peer, command, number);
 }
 
 ServingPeer::BlockPtr ServingPeer::newest(TimeNs now) {
@@ -209,11 +210,15 @@ ServingPeer::BlockPtr ServingPeer::newest(TimeNs now) {
   return at(lied_from_ > max_age_blocks ? lied_from_ - max_age_blocks : 0);
 }
 
-void ServingPeer::add(TimeNs now, BlockPtr block) {
-  const auto& envelopes = block->data().data();
-  const auto command = std::find_if(envelopes.begin(), envelopes.end(), is_command);
-  if (command != envelopes.end()) earlier_command_ = *command;
-  blocks_.push_back({std::move(block), now});
+void ServingPeer::add(TimeNs now, BlockPtr block) { blocks_.push_back({std::move(block), now}); }
+
+std::string ServingPeer::newest_command() const {
+  for (auto kept = blocks_.rbegin(); kept != blocks_.rend(); ++kept) {
+    const auto& envelopes = kept->block->data().data();
+    const auto command = std::find_if(envelopes.begin(), envelopes.end(), is_command);
+    if (command != envelopes.end()) return *command;
+  }
+  return {};
 }
 
 ServingPeer::BlockPtr ServingPeer::at(std::uint64_t number) const {
@@ -256,7 +261,7 @@ ServingPeer::BlockPtr ServingPeer::serve(TimeNs now, std::uint64_t wanted) {
       tampering = PeerTampering::stutters;
   }
   const BlockPtr next = at(wanted);
-  if (!next || wanted == 0) return next;
+  if (!next || wanted == 0 || tampering == PeerTampering::none) return next;
   if (tampering == PeerTampering::signs_reordered && !at(wanted + 1)) return nullptr;
   if (holds_back(tampering, now, blocks_[wanted])) return nullptr;
   return tampered(tampering, wanted);
@@ -299,8 +304,8 @@ bool ServingPeer::tamper_data(PeerTampering tampering, common::Block& block) {
       if (const BlockPtr next = at(block.header().number() + 1)) data = next->data();
       return at(block.header().number() + 1) != nullptr;
     case PeerTampering::signs_replayed:
-      if (!earlier_command_.empty()) data.add_data(earlier_command_);
-      return !earlier_command_.empty();
+      if (const std::string again = newest_command(); !again.empty()) data.add_data(again);
+      return !newest_command().empty();
     case PeerTampering::signs_empty:
       data.clear_data();
       return true;

@@ -115,6 +115,8 @@ class ServingPeer {
   /// The next block of the ledger has come to the peer.
   void add(TimeNs now, BlockPtr block);
   std::uint64_t height() const { return blocks_.size(); }
+  /// The ledger's, whatever is served in its place; null: it has not come.
+  BlockPtr at(std::uint64_t number) const;
   /// What it has for a client that waits for that block; null: nothing now.
   BlockPtr serve(TimeNs now, std::uint64_t wanted);
   /// Its newest; null: it does not say.
@@ -127,7 +129,8 @@ class ServingPeer {
     BlockPtr block;
     TimeNs came_ns = 0;
   };
-  BlockPtr at(std::uint64_t number) const;
+  /// The first command in the newest block that has one, as an envelope; empty: none was yet.
+  std::string newest_command() const;
   BlockPtr tampered(PeerTampering tampering, std::uint64_t wanted);
   bool holds_back(PeerTampering tampering, TimeNs now, const Kept& next) const;
   void tamper_flags(PeerTampering tampering, common::Block& block) const;
@@ -137,8 +140,7 @@ class ServingPeer {
   const PeerKeys keys_;
   PeerTampering tampering_ = PeerTampering::none;
   std::uint64_t seed_;
-  std::vector<Kept> blocks_;     ///< by number
-  std::string earlier_command_;  ///< an envelope
+  std::vector<Kept> blocks_;  ///< by number
   std::uint64_t lied_from_ = 0;  ///< height that its chain had then
   TimeNs next_order_ns_ = 0;
   std::optional<std::pair<std::uint64_t, std::string>> fork_;  ///< the next number and the hash before it

@@ -24,6 +24,8 @@
 
 namespace ledgerline::hil {
 
+class CommonIntake;
+
 /// Two-way delays that are injected so that what is measured has a published box (tools/report/results.hpp), with a
 /// few of 100 beyond its upper whisker: quantiles, seconds, straight in between. They are not the box itself, since
 /// blocks keep their order: what is slow holds up what follows, and the newest of those that come together is answered.
@@ -132,6 +134,9 @@ class SimulatedLedger {
   /// What has reached this client since the last call. Blocks come in order, from the one after add_client() on.
   std::vector<BlockPtr> pop_blocks(TimeNs now, Client client);
   BlockPtr block(std::uint64_t number) const;  ///< of those that are stored
+  /// Of its readers, by the block at which they began.
+  using CommonIntakes = std::map<std::uint64_t, std::weak_ptr<CommonIntake>>;
+  CommonIntakes& common_intakes() { return common_intakes_; }
   struct Ended {
     std::uint64_t id = 0;
     fabric::Outcome outcome;
@@ -191,6 +196,7 @@ class SimulatedLedger {
   std::map<std::uint64_t, Pending> waiting_;  ///< by waiter, until their block is applied
   std::uint64_t next_waiter_ = 1;
   std::optional<std::pair<TimeNs, node::CutBlock>> writing_;
+  CommonIntakes common_intakes_;
   Relay relay_{{crypto::make_test_identity({"Org1MSP", "CN=peer0"}),
                 {"Org1MSP", "CN=User1@org1.ledgerline"},
                 {"Org2MSP", "CN=User1@org2.ledgerline"}}};

@@ -38,7 +38,7 @@ class Port : public ::testing::Test {
       ledger.step(now);
       port.step(now);
       for (auto& ended : port.pop_outcomes()) outcomes.push_back({now, ended});
-      for (auto& block : port.pop_blocks()) blocks.emplace_back(now, block.number);
+      for (auto& block : port.pop_blocks()) blocks.emplace_back(now, block->number);
       if (const auto connected = port.pop_connection_change()) connections.emplace_back(now, *connected);
     }
   }
