@@ -1,6 +1,7 @@
 #include "common/fabric/tx/form.hpp"
 
 #include <cstdint>
+#include <iterator>
 #include <set>
 
 #include "common/crypto/crypto.hpp"
@@ -37,7 +38,8 @@ int read_action(const common::Payload& payload, TransactionForm& form) {
   if (!header.ParseFromString(only.header()) || !complete(header) || !action.ParseFromString(only.payload()))
     return protos::INVALID_ENDORSER_TRANSACTION;
   form.response_payload = std::move(*action.mutable_action()->mutable_proposal_response_payload());
-  form.endorsements.assign(action.action().endorsements().begin(), action.action().endorsements().end());
+  auto& endorsements = *action.mutable_action()->mutable_endorsements();
+  form.endorsements.assign(std::move_iterator(endorsements.begin()), std::move_iterator(endorsements.end()));
   if (!response.ParseFromString(form.response_payload) ||
       response.proposal_hash() !=
           proposal_hash(payload.header().channel_header(), only.header(), action.chaincode_proposal_payload())) {
@@ -108,7 +110,7 @@ TransactionForm read_form(std::string_view bytes, const CreatorCheck& creator_ch
   TransactionForm form;
   const auto wrong = [&](int code) {
     form.code = code;
-    return form;
+    return std::move(form);
   };
   common::Envelope envelope;
   common::Payload payload;

@@ -1,6 +1,9 @@
 #include "common/fabric/tx/policy.hpp"
 
 #include <algorithm>
+#include <functional>
+#include <map>
+#include <optional>
 
 #include "common/fabric/tx/form.hpp"
 #include "common/policies.pb.h"
@@ -50,6 +53,20 @@ bool holds(const common::SignaturePolicyEnvelope& policy, const common::Signatur
   return false;
 }
 
+/// Null: it is none. Valid until the next call of the thread. A channel has a few, asked for with each endorsement.
+const common::SignaturePolicyEnvelope* parsed(std::string_view policy) {
+  constexpr std::size_t max_known = 64;  // anybody may give a key of his own another one
+  thread_local std::map<std::string, std::optional<common::SignaturePolicyEnvelope>, std::less<>> known;
+  auto found = known.find(policy);
+  if (found == known.end()) {
+    common::SignaturePolicyEnvelope envelope;
+    const bool whole = parse(envelope, policy);
+    if (known.size() >= max_known) known.clear();
+    found = known.emplace(policy, whole ? std::optional(std::move(envelope)) : std::nullopt).first;
+  }
+  return found->second ? &*found->second : nullptr;
+}
+
 /// One of those who have that role there.
 std::string policy_of(const std::string& msp_id, common::MSPRole::MSPRoleType type) {
   common::MSPRole role;
@@ -71,10 +88,10 @@ std::string peer_policy(const std::string& msp_id) { return policy_of(msp_id, co
 std::string member_policy(const std::string& msp_id) { return policy_of(msp_id, common::MSPRole::MEMBER); }
 
 bool satisfies(std::string_view policy, const std::vector<PolicySigner>& endorsers) {
-  common::SignaturePolicyEnvelope envelope;
-  if (!parse(envelope, policy)) return false;
+  const common::SignaturePolicyEnvelope* envelope = parsed(policy);
+  if (envelope == nullptr) return false;
   std::vector<bool> used(endorsers.size(), false);
-  return holds(envelope, envelope.rule(), endorsers, used, 0);
+  return holds(*envelope, envelope->rule(), endorsers, used, 0);
 }
 
 bool satisfies(const Policy& policy, const std::vector<PolicySigner>& endorsers) {
