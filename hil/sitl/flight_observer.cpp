@@ -224,7 +224,7 @@ void FlightObserver::end_step(TimeNs now, const sim::Simulator& sim, const groun
     if (!courses_.empty() && on_course(observation.truth))
       observation.off_path_m = courses_[i].distance_m({at_m[0], at_m[1]});
     if (!ground) continue;
-    const auto status = ground->status(i);
+    const ground::FlightStatus& status = ground->status(i);
     observation.ground_phase = status.phase;
     observation.finished = status.finished;
     observation.lap = status.lap;

@@ -38,15 +38,15 @@ CommonIntake::CommonIntake(const SimulatedLedger& ledger, std::uint64_t first)
 VerifiedBlock CommonIntake::verify(TimeNs now, const SimulatedLedger::BlockPtr& block) {
   if (block->header().number() == intake_.next()) {
     now_ = now;
-    auto verified = intake_.add(*block, [this](std::uint64_t number) -> Result<common::Block> {
-      return *ledger_.block(number);
-    });
+    auto verified =
+        intake_.add(*block, [this](std::uint64_t number) -> Result<common::Block> { return *ledger_.block(number); });
     if (!verified) return nullptr;
     newest_.emplace_back(block, std::make_shared<const fabric::Block>(std::move(*verified)));
     if (newest_.size() > max_kept) newest_.pop_front();
     return newest_.back().second;
   }
-  const auto known = std::ranges::find(newest_, block, [](const auto& one) -> const auto& { return one.first; });
+  const auto known = std::ranges::find(
+      newest_, block, [](const auto& one) -> const auto& { return one.first; });
   return known == newest_.end() ? nullptr : known->second;
 }
 

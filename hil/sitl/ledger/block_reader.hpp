@@ -36,8 +36,8 @@ class CommonIntake {
 
 /// Reads the blocks that a peer, and perhaps an orderer, serves to one process, and verifies them as fabric::Client
 /// does: by a BlockIntake, with the channel's first block as the trust anchor, without gap or duplicate. Deterministic
-/// for a seed; one thread. While it is given what other readers are, they have a CommonIntake; with the first block that
-/// is another one it goes on alone, and makes of that one what it would have alone all along.
+/// for a seed; one thread. While it is given what other readers are, they have a CommonIntake; with the first block
+/// that is another one it goes on alone, and makes of that one what it would have alone all along.
 class BlockReader {
  public:
   using BlockPtr = SimulatedLedger::BlockPtr;
@@ -95,12 +95,12 @@ class BlockReader {
   fabric::BlockSource source_ = fabric::BlockSource::peer;
   ServingPeer peer_, orderer_;
   bool orderer_connected_ = false;
-  TimeNs orderer_at_ns_ = 0;  ///< then it is asked again
-  TimeNs now_ = 0;            ///< of the last read
+  TimeNs orderer_at_ns_ = 0;                   ///< then it is asked again
+  TimeNs now_ = 0;                             ///< of the last read
   std::optional<fabric::BlockIntake> intake_;  ///< none while there is a common one
   std::shared_ptr<CommonIntake> common_;
-  std::uint64_t first_ = 0;      ///< block of the common one
-  std::vector<TimeNs> read_ns_;  ///< when each of its blocks was read, from the first on
+  std::uint64_t first_ = 0;                       ///< block of the common one
+  std::vector<TimeNs> read_ns_;                   ///< when each of its blocks was read, from the first on
   bool reading_ = false;                          ///< a process is there
   std::optional<fabric::Checkpoint> checkpoint_;  ///< until its place is found
   std::optional<fabric::Checkpoint> began_behind_;

@@ -303,9 +303,11 @@ bool ServingPeer::tamper_data(PeerTampering tampering, common::Block& block) {
     case PeerTampering::signs_reordered:
       if (const BlockPtr next = at(block.header().number() + 1)) data = next->data();
       return at(block.header().number() + 1) != nullptr;
-    case PeerTampering::signs_replayed:
-      if (const std::string again = newest_command(); !again.empty()) data.add_data(again);
-      return !newest_command().empty();
+    case PeerTampering::signs_replayed: {
+      const std::string again = newest_command();
+      if (!again.empty()) data.add_data(again);
+      return !again.empty();
+    }
     case PeerTampering::signs_empty:
       data.clear_data();
       return true;

@@ -140,7 +140,7 @@ class ServingPeer {
   const PeerKeys keys_;
   PeerTampering tampering_ = PeerTampering::none;
   std::uint64_t seed_;
-  std::vector<Kept> blocks_;  ///< by number
+  std::vector<Kept> blocks_;     ///< by number
   std::uint64_t lied_from_ = 0;  ///< height that its chain had then
   TimeNs next_order_ns_ = 0;
   std::optional<std::pair<std::uint64_t, std::string>> fork_;  ///< the next number and the hash before it

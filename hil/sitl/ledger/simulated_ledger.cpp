@@ -189,9 +189,9 @@ void SimulatedLedger::advance(TimeNs now, Pending pending) {
   if (!pending.endorsed) {
     node::Reply reply = core_->endorse(pending.bytes, at(now));
     if (reply.code != node::Code::ok) return end(now, pending, reply);
-    const auto envelope = sign(pending, reply.bytes);
+    auto envelope = sign(pending, reply.bytes);
     if (!envelope) return end(now, pending, {node::Code::invalid_argument, envelope.error().message, {}, {}});
-    pending.bytes = *envelope;
+    pending.bytes = std::move(*envelope);
     pending.endorsed = true;
     due_.emplace(later(now, delays_.submit_ns), std::move(pending));
     return;
@@ -303,6 +303,7 @@ std::vector<SimulatedLedger::BlockPtr> SimulatedLedger::pop_blocks(TimeNs now, C
 std::vector<SimulatedLedger::Ended> SimulatedLedger::pop_outcomes(TimeNs now, Client client) {
   std::vector<Ended> arrived;
   auto& queue = members_[client].outcomes;
+  if (queue.empty()) return arrived;
   const auto later_ones =
       std::stable_partition(queue.begin(), queue.end(), [now](const auto& e) { return e.first <= now; });
   for (auto e = queue.begin(); e != later_ones; ++e) arrived.push_back(std::move(e->second));
