@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <tuple>
+
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -256,6 +258,34 @@ TEST_F(Port, ANewReaderGetsNoBlockThatWasCutBefore) {
   port.begin();
   run(undisturbed);
   EXPECT_TRUE(blocks.empty());
+}
+
+TEST_F(Port, WhoIsLiedToReadsAsIfItHadVerifiedAllBlocksAlone) {
+  using Read = std::tuple<std::uint64_t, int, bool, std::string>;
+  const auto read = [](bool alone) {
+    SimulatedLedger ledger{{}, even, 1};
+    const crypto::IdentityName name{"Org1MSP", "CN=User1@org1.ledgerline"};
+    LedgerPort honest{ledger, name, 2}, lied_to{ledger, name, 3};
+    if (alone) lied_to.restart(0);  // who connects again verifies for itself
+    std::vector<Read> all;
+    for (TimeNs now = ns_per_ms; now < 600 * ns_per_ms; now += ns_per_ms) {
+      if (now > 200 * ns_per_ms && now % (20 * ns_per_ms) == 0) honest.submit(now, 1, note(std::to_string(now)));
+      if (now == 400 * ns_per_ms) lied_to.serve(PeerTampering::hides_all);
+      ledger.step(now);
+      for (LedgerPort* port : {&honest, &lied_to}) port->step(now);
+      for (const auto& block : honest.pop_blocks()) EXPECT_EQ(block->transactions.at(0).problem, "");
+      for (const auto& block : lied_to.pop_blocks()) {
+        const fabric::Transaction& tx = block->transactions.at(0);
+        all.emplace_back(block->number, tx.code, tx.by_flag, tx.problem);
+      }
+    }
+    return all;
+  };
+  const std::vector<Read> common = read(false);
+  EXPECT_EQ(common, read(true));
+  ASSERT_GT(common.size(), 15U);
+  EXPECT_EQ(std::get<3>(common.front()), "");
+  EXPECT_NE(std::get<3>(common.back()), "");
 }
 
 TEST_F(Port, TheSameSeedDrawsTheSameDelays) {
