@@ -42,7 +42,8 @@ class Predictor {
   /// A state in flight.
   void observe(const StateSample& state);
   /// A plan is on its way (not empty, times growing); from its first setpoint on it replaces those before.
-  void sent(std::uint64_t id, std::span<const Setpoint> plan);
+  /// `body_frame`: its velocities are in the drone's own frame, as it looks when they are flown.
+  void sent(std::uint64_t id, std::span<const Setpoint> plan, bool body_frame = false);
   /// That plan will not be flown: it was replaced before it left, or the ledger refused it.
   void withdraw(std::uint64_t id);
 
@@ -55,13 +56,21 @@ class Predictor {
   /// As it will stand when a setpoint that says `meant_ns` is about to be flown: link flies it later by its playout's
   /// margin.
   Rollout until(TimeNs meant_ns) const;
+  /// What the plans sent make of the drone: its motion at `from_ns`, or at the newest state if that is later, and from
+  /// there in equal steps, of 50 ms or a multiple, until the end of the newest plan has taken effect; so the last step
+  /// may be shorter. At most `most` motions (2 at least). Empty: nothing is known or sent, or it is over by then.
+  std::vector<Motion> committed(TimeNs from_ns, std::size_t most) const;
 
  private:
   struct Sent {
     std::uint64_t id;
     std::vector<Setpoint> plan;
+    bool body_frame;
   };
-  std::optional<Setpoint> planned(TimeNs at_ns) const;
+  std::optional<Setpoint> planned(TimeNs at_ns, double yaw_rad) const;
+  /// Link's words count until then.
+  TimeNs known_until_ns() const;
+  void send_planned(Rollout& rollout, TimeNs until_ns) const;
 
   PredictorConfig config_;
   ResponseEstimator estimator_;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <numbers>
 #include <vector>
 
 #include "tests/unit/ground/motion/reported_drone.hpp"
@@ -226,6 +227,86 @@ TEST(Predictor, BehindAPlansEndTheDroneIsOrderedToStopAsLinkDoes) {
     EXPECT_NEAR(end_m, to_seconds(end_ns - ns_per_s), 0.05) << to_seconds(end_ns);
     EXPECT_LT(end_m - predictor.until(end_ns).effect().position_m.x(), known.lag_s);
   }
+}
+
+TEST(Predictor, WhatIsCommittedIsWhereThePlansTakeItStepByStep) {
+  constexpr TimeNs late_ns = 20 * ns_per_ms;
+  Predictor predictor(knowing(known));
+  StateSample state = at(ns_per_s, 0);
+  state.playout_margin_ns = late_ns;
+  predictor.observe(state);
+  const auto plan = steady(ns_per_s + 300 * ns_per_ms, 1, 12);
+  predictor.sent(1, plan);
+  const TimeNs from_ns = ns_per_s + 40 * ns_per_ms, dead_ns = from_seconds(known.dead_s);
+  const std::vector<Motion> committed = predictor.committed(from_ns, 24);
+  ASSERT_EQ(committed.size(), 21U) << "960 ms, one each 50 ms, and the last";
+  EXPECT_EQ(committed.front().stamp_ns, from_ns);
+  EXPECT_EQ(committed.back().stamp_ns, plan.back().at_ns + 50 * ns_per_ms + late_ns + dead_ns);
+  for (const Motion& motion : committed) {
+    const Motion alone = predictor.until(motion.stamp_ns - dead_ns - late_ns).effect();
+    EXPECT_NEAR((motion.position_m - alone.position_m).norm(), 0, 0.005) << to_ms(motion.stamp_ns - from_ns);
+  }
+  EXPECT_EQ(committed.front().position_m.x(), 0) << "the plan has not begun";
+  EXPECT_GT(committed.back().position_m.x(), 0.3);
+  EXPECT_EQ(predictor.newest().position_m.x(), 0) << "looking changes nothing";
+}
+
+TEST(Predictor, AWithdrawnPlanIsNotCommitted) {
+  Predictor predictor(knowing(known));
+  EXPECT_TRUE(predictor.committed(ns_per_s, 24).empty()) << "nothing is known";
+  predictor.observe(at(ns_per_s, 0));
+  EXPECT_TRUE(predictor.committed(ns_per_s, 24).empty()) << "nothing is sent";
+  predictor.sent(1, steady(ns_per_s, 1, 12));
+  const auto ahead = [&] { return predictor.committed(ns_per_s, 24).back().position_m; };
+  const Eigen::Vector3d by_first = ahead();
+  predictor.sent(2, steady(ns_per_s + 50 * ns_per_ms, -1, 12));
+  EXPECT_LT(ahead().x(), -0.2);
+  predictor.withdraw(2);
+  EXPECT_EQ(ahead(), by_first);
+  predictor.withdraw(1);
+  EXPECT_TRUE(predictor.committed(ns_per_s, 24).empty());
+}
+
+TEST(Predictor, WhatIsFlownIsNotCommittedAnyMore) {
+  Predictor predictor(knowing(known));
+  predictor.observe(at(ns_per_s, 0));
+  predictor.sent(1, steady(ns_per_s, 1, 12));
+  const TimeNs end_ns = ns_per_s + 600 * ns_per_ms + from_seconds(known.dead_s);
+  EXPECT_EQ(predictor.committed(end_ns - ns_per_ms, 24).size(), 2U);
+  EXPECT_TRUE(predictor.committed(end_ns, 24).empty());
+}
+
+TEST(Predictor, HoweverFarThePlansReachTheCommittedPathHasNoMorePointsThanAskedFor) {
+  Predictor predictor(knowing(known));
+  predictor.observe(at(ns_per_s, 0));
+  for (const TimeNs ahead_ns : {ns_per_s, 3 * ns_per_s, 3'600 * ns_per_s}) {
+    predictor.sent(1, steady(ns_per_s + ahead_ns, 1, 40));
+    const auto committed = predictor.committed(ns_per_s, 24);
+    ASSERT_LE(committed.size(), 24U);
+    ASSERT_GE(committed.size(), 12U);
+    const TimeNs step_ns = committed[1].stamp_ns - committed[0].stamp_ns;
+    EXPECT_EQ(step_ns % (50 * ns_per_ms), 0);
+    for (std::size_t i = 1; i + 1 < committed.size(); ++i)
+      EXPECT_EQ(committed[i].stamp_ns - committed[i - 1].stamp_ns, step_ns);
+    EXPECT_LE(committed.back().stamp_ns, ns_per_s + Predictor::max_ns + from_seconds(known.dead_s));
+  }
+}
+
+TEST(Predictor, APlanInTheDronesOwnFrameGoesWhereItLooks) {
+  Predictor predictor(knowing(known));
+  StateSample state = at(ns_per_s, 0);
+  state.yaw_rad = std::numbers::pi / 2;
+  predictor.observe(state);
+  predictor.sent(1, steady(ns_per_s, 1, 20), true);
+  const Eigen::Vector3d straight = predictor.committed(ns_per_s, 24).back().position_m;
+  EXPECT_NEAR(straight.x(), 0, 1e-6);
+  EXPECT_GT(straight.y(), 0.6);
+  std::vector<Setpoint> turning = steady(ns_per_s, 1, 20);
+  for (Setpoint& setpoint : turning) setpoint.yaw_rate_radps = 1.5F;
+  predictor.sent(2, turning, true);
+  const Motion turned = predictor.committed(ns_per_s, 24).back();
+  EXPECT_NEAR(turned.yaw_rad - state.yaw_rad, 1.5, 1e-3);
+  EXPECT_LT(turned.position_m.x(), -0.2) << "counter-clockwise: to its left";
 }
 
 TEST(Predictor, SentVelocitiesChangeNoFasterThanLinkLetsThem) {
