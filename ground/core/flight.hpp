@@ -61,6 +61,10 @@ class FlightCore {
   const FlightTransactions& transactions() const { return transactions_; }
   /// The round trip that plans are made for; the maximum over all drones.
   TimeNs delay_ns() const { return timing_.max_delay_ns(); }
+  /// What was sent to it and is not flown yet (Planner::committed()); worked out anew by each call.
+  std::optional<CommittedPath> committed(TimeNs now_ns, std::size_t drone) const {
+    return drones_.at(drone)->planner.committed(now_ns, timing_.of(drone));
+  }
   /// Who steers along a path that is flown or was; null before.
   const Follower* follower(std::size_t drone) const { return drones_.at(drone)->planner.follower(); }
   /// The same where it is our own; null where a plug-in steers.

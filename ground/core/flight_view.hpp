@@ -41,7 +41,9 @@ class FlightView {
   const FlightStatus& status(std::size_t drone) const { return core_of(drone).status(slots_[drone].drone); }
   const IntakeState& intake(std::size_t drone) const { return core_of(drone).intake(slots_[drone].drone); }
   const Lease& lease(std::size_t drone) const { return core_of(drone).lease(slots_[drone].drone); }
-  const PathController* controller(std::size_t drone) const { return core_of(drone).controller(slots_[drone].drone); }
+  std::optional<CommittedPath> committed(TimeNs now_ns, std::size_t drone) const {
+    return core_of(drone).committed(now_ns, slots_[drone].drone);
+  }
   /// What is the same for all flights: all but drones, `where` and `trusted`.
   const FlightConfig& config() const { return cores_.front()->config(); }
 

@@ -96,8 +96,13 @@ void Planner::observe(bool same_boot) {
   if (!same_boot) {
     first_setpoint_ns_ = 0;
     manual_ = ManualController(config_.controller, config_.cmd_timeout_ns);
+    display_model_.reset();
   }
   if (seen_.state.phase != LinkPhase::flying) return;
+  if (config_.manual || config_.follower) {
+    if (!display_model_) display_model_ = DroneModel(config_.controller).predictor;
+    display_model_->observe(seen_.state);
+  }
   if (follower_) follower_->observe(seen_.state);
   if (pilot_path_ && status_.phase == GroundPhase::path) pilot_path_->observe(*follower_, seen_.state);
 }
@@ -136,6 +141,7 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
     command.id = next_plan_++;
     const std::vector<Setpoint> planned = setpoints(now, command, timing);
     if (planned.empty()) return std::nullopt;
+    if (display_model_) display_model_->sent(command.id, planned, plan.body_frame());
     for (const Setpoint& setpoint : planned) {
       PlannedSetpoint* p = plan.add_setpoints();
       p->set_at_ns(setpoint.at_ns);
@@ -154,16 +160,39 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
   return command;
 }
 
+TimeNs Planner::next_first_ns(TimeNs made_on_drone_ns, const PlanTiming::Timing& timing) const {
+  const TimeNs ahead_ns = plain() ? 0 : config_.ledger ? timing.delay_ns : beside_ns;
+  return std::max(first_setpoint_ns_, made_on_drone_ns + ahead_ns);
+}
+
 std::vector<Setpoint> Planner::setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing) {
-  const bool plain = !by_hand() && !config_.controller.predict;  // its command is for now, whenever it comes
-  const TimeNs ahead_ns = plain ? 0 : config_.ledger ? timing.delay_ns : beside_ns;
-  first_setpoint_ns_ = std::max(first_setpoint_ns_, command.made_on_drone_ns + ahead_ns);
+  first_setpoint_ns_ = next_first_ns(command.made_on_drone_ns, timing);
   if (by_hand()) return manual_.plan(now, first_setpoint_ns_);
   // Not sooner than the plan before it, even where the delay fell: then shorter.
   const TimeNs last_ns = command.made_on_drone_ns + timing.farthest_ns;
   const TimeNs room = (last_ns - first_setpoint_ns_) / PathController::step_ns;
   const auto steps = static_cast<std::size_t>(std::max<TimeNs>(0, room));
   return follower_->plan(command.id, first_setpoint_ns_, std::min(timing.steps, steps));
+}
+
+std::optional<CommittedPath> Planner::committed(TimeNs now, const PlanTiming::Timing& timing) const {
+  const StateSample& state = seen_.state;
+  // As link decides it: DroneLink::may_follow().
+  const bool follows =
+      state.phase == LinkPhase::flying && (state.mode == FailsafeMode::none || state.mode == FailsafeMode::hold);
+  if (!seen_.has_state || !follows || !is_in_air(status_.phase) || !lease_.may_command || plain()) return std::nullopt;
+  const bool ours = model_ && model_boot_id_ == state.boot_id;
+  const motion::Predictor* model = display_model_ ? &*display_model_ : ours ? &model_->predictor : nullptr;
+  if (model == nullptr) return std::nullopt;
+  const TimeNs now_on_drone_ns = state.stamp_ns + (now - seen_.received_ns);
+  const std::vector<motion::Motion> motions = model->committed(now_on_drone_ns, CommittedPath::max_points);
+  if (motions.empty()) return std::nullopt;
+  CommittedPath path;
+  for (const motion::Motion& motion : motions) path.points_m.push_back(motion.position_m);
+  path.step_ns = motions[1].stamp_ns - motions[0].stamp_ns;
+  path.until_ns = motions.back().stamp_ns - motions.front().stamp_ns;
+  path.predicted_m = model->until(next_first_ns(now_on_drone_ns, timing)).effect().position_m;
+  return path;
 }
 
 void Planner::report() {

@@ -62,6 +62,16 @@ struct PlannedCommand {
   std::uint64_t id = 0;  ///< for withdraw()
 };
 
+/// Where what was sent to a drone takes it, as far as its model knows; map frame. Now is what the newest state was when
+/// it came, and what has passed since: as old as the drone that people see.
+struct CommittedPath {
+  static constexpr std::size_t max_points = 24;
+  std::vector<Eigen::Vector3d> points_m;                  ///< from now on; 2 to max_points of them
+  TimeNs step_ns = 0;                                     ///< from point to point; to the last one at most
+  TimeNs until_ns = 0;                                    ///< from now to the last point
+  Eigen::Vector3d predicted_m = Eigen::Vector3d::Zero();  ///< where it is when a command given now takes effect
+};
+
 /// Makes one drone's plans: which action its phase wants now, and setpoints along its path, or as its pilot commands.
 /// Counts laps. Times in plans are the drone host's clock alone. Deterministic; one thread. What it is given must
 /// outlive it.
@@ -84,7 +94,12 @@ class Planner {
   /// The plan will not be flown.
   void withdraw(std::uint64_t id) {
     if (model_) model_->predictor.withdraw(id);
+    if (display_model_) display_model_->withdraw(id);
   }
+
+  /// What is sent and not flown yet. Nothing: all of it is flown, link does not fly plans now, we do not command it, or
+  /// plans are made without a model (ControllerConfig::predict). For people alone: no plan depends on it.
+  std::optional<CommittedPath> committed(TimeNs now, const PlanTiming::Timing& timing) const;
 
   /// Of a path that is flown or was; null before.
   const Follower* follower() const { return follower_.get(); }
@@ -101,6 +116,10 @@ class Planner {
                        int laps);
   /// Flown in the drone's own frame, by velocities.
   bool by_hand() const { return config_.manual && status_.phase != GroundPhase::path; }
+  /// Its command is for now, whenever it comes.
+  bool plain() const { return !by_hand() && !config_.controller.predict; }
+  /// When a plan that is made now begins, at the soonest; the drone's clock.
+  TimeNs next_first_ns(TimeNs made_on_drone_ns, const PlanTiming::Timing& timing) const;
   bool needs_plan() const;
   std::vector<Setpoint> setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing);
   void report();
@@ -116,6 +135,8 @@ class Planner {
   PathController* controller_ = nullptr;  ///< the follower, where it is our own
   std::shared_ptr<DroneModel> model_;     ///< of our own; null before, and where a plug-in steers
   std::uint64_t model_boot_id_ = 0;       ///< of the states that it was made for
+  /// Of all plans that the drone was sent, for committed(): where model_ has not all of them, by hand and by a plug-in.
+  std::optional<motion::Predictor> display_model_;
   std::optional<PilotPath> pilot_path_;
   ManualController manual_;
   std::uint64_t next_plan_ = 1;

@@ -46,6 +46,18 @@ double sigma_of(const StateSample& state) {
   return state.pose_stamp_ns != 0 ? std::sqrt(state.pose_variance[0] + state.pose_variance[1]) : 0;
 }
 
+/// In whole millimetres: what is drawn needs no more, and it goes out 30 times a second.
+json place_json(const Eigen::Vector3d& place_m) {
+  const auto rounded = [](double metres) { return std::round(metres * 1e3) / 1e3; };
+  return {rounded(place_m.x()), rounded(place_m.y()), rounded(place_m.z())};
+}
+
+json committed_json(const CommittedPath& path) {
+  json points = json::array();
+  for (const Eigen::Vector3d& point : path.points_m) points.push_back(place_json(point));
+  return {{"points", std::move(points)}, {"step_ms", to_ms(path.step_ns)}, {"until_ms", to_ms(path.until_ns)}};
+}
+
 json drone_json(TimeNs now, const FlightView& flights, std::size_t i) {
   const FlightStatus& status = flights.status(i);
   const IntakeState& seen = flights.intake(i);
@@ -88,12 +100,9 @@ json drone_json(TimeNs now, const FlightView& flights, std::size_t i) {
         {"epoch", lease.epoch}}}};
   const double sigma_m = sigma_of(state);
   drone["sigma_m"] = sigma_m > 0 ? json(sigma_m) : json();
-  drone["predicted"] = nullptr;
-  if (const PathController* own = flights.controller(i); own && placed && status.phase == GroundPhase::path) {
-    const Eigen::Vector3d ahead =
-        own->predictor().until(state.stamp_ns + since_ns + flights.delay_ns()).effect().position_m;
-    drone["predicted"] = {ahead.x(), ahead.y(), ahead.z()};
-  }
+  const auto committed = placed ? flights.committed(now, i) : std::nullopt;
+  drone["predicted"] = committed ? place_json(committed->predicted_m) : json();
+  drone["committed"] = committed ? committed_json(*committed) : json();
   return drone;
 }
 

@@ -127,6 +127,67 @@ TEST(ManualFlight, APilotWhoFallsSilentLeavesADroneThatStands) {
   EXPECT_EQ(world.core.status(0).phase, GroundPhase::manual);
 }
 
+TEST(ManualFlight, WhatIsSentByHandSaysWhereTheDroneWillBe) {
+  for (const TimeNs one_way_ns : {5 * ns_per_ms, 300 * ns_per_ms}) {
+    Flying world;
+    world.one_way_ns = one_way_ns;
+    for (int i = 0; i < 40; ++i) {
+      world.say(velocity(0.5));
+      world.run(0.1);
+    }
+    const auto committed = world.core.committed(world.now_ns, 0);
+    ASSERT_TRUE(committed) << one_way_ns;
+    ASSERT_GE(committed->points_m.size(), 2U);
+    EXPECT_LE(committed->points_m.size(), CommittedPath::max_points);
+    EXPECT_GE(committed->until_ns, world.core.delay_ns()) << "what is sent next comes in time to go on from it";
+    // What is seen of it is as old as its state's way here.
+    const Eigen::Vector3d seen_m =
+        world.drones[0].model.motion.position_m - Eigen::Vector3d(0.5 * to_seconds(one_way_ns), 0, 0);
+    EXPECT_LT((committed->points_m.front() - seen_m).norm(), 0.06);
+    EXPECT_GT(committed->points_m.back().x() - seen_m.x(), 0.05);
+    // Whatever its pilot says now, so far it comes.
+    const TimeNs delay_ns = world.core.delay_ns();
+    world.say({.drone = 0, .velocity = Twist{{0, 0, 0}, {}}});
+    world.run(to_seconds(delay_ns - one_way_ns));
+    EXPECT_LT((committed->predicted_m - world.drones[0].model.motion.position_m).norm(), 0.06) << one_way_ns;
+  }
+}
+
+TEST(ManualFlight, NothingIsCommittedOnTheGroundNorWhileLinkFliesNoPlan) {
+  FlightWorld world(manual_config(1));
+  EXPECT_FALSE(world.core.committed(world.now_ns, 0)) << "never heard";
+  world.run(1);
+  EXPECT_FALSE(world.core.committed(world.now_ns, 0));
+  world.say(takeoff());
+  world.run(5);
+  ASSERT_TRUE(world.core.committed(world.now_ns, 0)) << "it hovers, by plans";
+  world.drones[0].mode = FailsafeMode::brake;
+  world.run(0.2);
+  EXPECT_FALSE(world.core.committed(world.now_ns, 0));
+  world.drones[0].mode = FailsafeMode::none;
+  world.run(0.2);
+  ASSERT_TRUE(world.core.committed(world.now_ns, 0));
+  EXPECT_FALSE(world.core.committed(world.now_ns + 2 * ns_per_s, 0)) << "by then all is flown";
+  world.say(land());
+  world.run(0.1);
+  EXPECT_FALSE(world.core.committed(world.now_ns, 0)) << "it lands, whatever was sent";
+  world.run(5);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::landed);
+  EXPECT_FALSE(world.core.committed(world.now_ns, 0));
+}
+
+TEST(ManualFlight, WhatWasSentBeforeARestartOfTheDronesHostIsNotCommitted) {
+  Flying world;
+  ASSERT_TRUE(world.core.committed(world.now_ns, 0));
+  world.drones[0].boot_id = 8;
+  world.drones[0].silent = true;
+  world.run(0.05);
+  world.drones[0].silent = false;
+  world.drones[0].phase = LinkPhase::on_ground;
+  world.run(0.1);
+  EXPECT_FALSE(world.core.committed(world.now_ns, 0));
+}
+
 TEST(ManualFlight, EveryPlanEndsInZero) {
   Flying world;
   for (int i = 0; i < 50; ++i) {

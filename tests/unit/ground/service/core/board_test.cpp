@@ -91,6 +91,44 @@ TEST(Board, OfAFlightAlongAPathItSaysThePathAndWhereTheDroneWillBe) {
                                   drone["predicted"][1].get<double>() - drone["position"][1].get<double>());
   EXPECT_GT(ahead, 0.001);
   EXPECT_LT(ahead, 1);
+  const json& committed = drone["committed"];
+  ASSERT_GE(committed["points"].size(), 2U);
+  EXPECT_LE(committed["points"].size(), CommittedPath::max_points);
+  for (const json& point : committed["points"]) EXPECT_EQ(point.size(), 3U);
+  EXPECT_EQ(committed["step_ms"], 50);
+  EXPECT_GT(committed["until_ms"].get<double>(), 500);
+  EXPECT_LT(committed.dump().size(), 24 * 30 + 100U) << "to whole millimetres";
+}
+
+TEST(Board, OfAFlightByHandItSaysWhereWhatIsSentTakesTheDrone) {
+  FlightWorld world(manual_config(2));
+  const auto drone = [&](std::size_t i) { return json::parse(Board::drones(world.now_ns, world.core))[i]; };
+  world.run(1);
+  EXPECT_TRUE(drone(0)["committed"].is_null()) << "on the ground";
+  EXPECT_TRUE(drone(0)["predicted"].is_null());
+  world.say({.drone = 0, .takeoff = true});
+  world.run(5);
+  for (int i = 0; i < 10; ++i) {
+    world.say({.drone = 0, .velocity = Twist{{0.5, 0, 0}, {}}});
+    world.run(0.1);
+  }
+  const json flown = drone(0);
+  ASSERT_EQ(flown["phase"], "manual");
+  const json& points = flown["committed"]["points"];
+  EXPECT_GT(points.back()[0].get<double>(), points.front()[0].get<double>() + 0.05);
+  EXPECT_GT(flown["predicted"][0].get<double>(), flown["position"][0].get<double>());
+  EXPECT_TRUE(drone(1)["committed"].is_null());
+}
+
+TEST(Board, WithoutPredictionItSaysNoPlaceAhead) {
+  FlightConfig config = config_for(1);
+  config.controller.predict = false;
+  FlightWorld world(config);
+  world.run(12);
+  const json drone = json::parse(Board::drones(world.now_ns, world.core))[0];
+  ASSERT_EQ(drone["phase"], "path");
+  EXPECT_TRUE(drone["committed"].is_null());
+  EXPECT_TRUE(drone["predicted"].is_null());
 }
 
 TEST(Board, OfADroneWithoutAPoseItSaysNoPlace) {
