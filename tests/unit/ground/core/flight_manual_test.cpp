@@ -176,18 +176,6 @@ TEST(ManualFlight, NothingIsCommittedOnTheGroundNorWhileLinkFliesNoPlan) {
   EXPECT_FALSE(world.core.committed(world.now_ns, 0));
 }
 
-TEST(ManualFlight, WhatWasSentBeforeARestartOfTheDronesHostIsNotCommitted) {
-  Flying world;
-  ASSERT_TRUE(world.core.committed(world.now_ns, 0));
-  world.drones[0].boot_id = 8;
-  world.drones[0].silent = true;
-  world.run(0.05);
-  world.drones[0].silent = false;
-  world.drones[0].phase = LinkPhase::on_ground;
-  world.run(0.1);
-  EXPECT_FALSE(world.core.committed(world.now_ns, 0));
-}
-
 TEST(ManualFlight, EveryPlanEndsInZero) {
   Flying world;
   for (int i = 0; i < 50; ++i) {

@@ -36,6 +36,22 @@ TEST(Flight, EachPathBeginsWhereItsDroneStood) {
   EXPECT_NEAR(world.core.status(1).origin_m[1], 1, 1e-9);
 }
 
+TEST(Flight, WhatAPlugInSendsIsCommitted) {
+  FlightConfig config = config_for(1);
+  config.follower = [](const FollowerTask& task, const ControllerConfig& with) -> Result<std::unique_ptr<Follower>> {
+    return std::unique_ptr<Follower>(
+        std::make_unique<PathController>(task.waypoints, task.origin_m, with, task.yaw_rad));
+  };
+  FlightWorld world(config);
+  world.run(12);
+  ASSERT_EQ(world.core.status(0).phase, GroundPhase::path);
+  ASSERT_EQ(world.core.controller(0), nullptr);
+  const auto committed = world.core.committed(world.now_ns, 0);
+  ASSERT_TRUE(committed);
+  EXPECT_LT((committed->points_m.front() - world.drones[0].model.motion.position_m).norm(), 0.05);
+  EXPECT_GT((committed->points_m.back() - committed->points_m.front()).norm(), 0.1);
+}
+
 TEST(Flight, PhasesComeInOrder) {
   FlightWorld world(config_for(1));
   std::vector<GroundPhase> seen{world.core.status(0).phase};
