@@ -42,6 +42,7 @@ export function cleaned(drone) {
     position: numbers(drone.position, 3),
     velocity: numbers(drone.velocity, 3),
     predicted: numbers(drone.predicted, 3),
+    committed: (drone.committed?.points ?? []).filter((point) => numbers(point, 3)),
     origin: drone.phase === 'waiting' ? null : numbers(drone.origin, 2), // it has none before it takes off
     yaw: number(drone.yaw) ?? 0,
     sigma_m: number(drone.sigma_m),

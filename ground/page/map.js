@@ -77,11 +77,13 @@ export class PlanView {
     this.#draftPath();
     const seen = [...this.drones.entries()].filter(([, drone]) => drone.position);
     seen.sort(([, a], [, b]) => (a.name === this.selected) - (b.name === this.selected)); // that one above the others
+    for (const [number, drone] of seen) this.#committed(drone, number);
     for (const [number, drone] of seen) this.#drone(drone, number, ageOf(drone));
+    this.#canvas.dataset.committed = seen.filter(([, drone]) => drone.committed.length).map(([, drone]) => drone.name).join(' ');
   }
 
   #points() {
-    const points = this.drones.flatMap((drone) => [drone.position, drone.origin, ...(drone.path ?? [])].filter(Boolean));
+    const points = this.drones.flatMap((drone) => [drone.position, drone.origin, ...(drone.path ?? []), ...drone.committed].filter(Boolean));
     points.push(...this.previews.flatMap(({ path }) => path));
     for (const trail of this.trails.values()) points.push(...trail.map((each) => [each.x, each.y]));
     return points;
@@ -147,6 +149,11 @@ export class PlanView {
       this.#line(drone.path, { colour, dash: [9, 6], width: 2 });
       for (const [x, y] of drone.path) this.#dot(x, y, colour, 3.5);
     }
+  }
+
+  /// What is sent and not flown yet: a command given now changes nothing before its predicted place.
+  #committed({ position, committed }, number) {
+    if (committed.length) this.#line([position, ...committed], { colour: this.#ink(`drone${number % 6}`), dash: [4, 3], width: 4 });
   }
 
   #dot(x, y, colour, radius) {
@@ -247,7 +254,7 @@ export class PlanView {
       ctx.arc(px, py, 21, 0, 2 * Math.PI);
       ctx.stroke();
     }
-    this.#height(px + 26, py, z, colour);
+    this.#height(px + 22, py + 28, z, colour); // below: beside it, it would hide where it goes as often as not
     this.#label(px, py - 28, stale ? `${drone.name} · ${(Math.min(age, 999000) / 1000).toFixed(1)} s old` : drone.name, stale);
   }
 
@@ -264,6 +271,9 @@ export class PlanView {
     ctx.fillRect(px + 0.5, py + tall / 2 - tall * share, 5, tall * share);
     ctx.font = '12px system-ui, sans-serif';
     ctx.fillStyle = this.#ink('text');
+    ctx.strokeStyle = this.#ink('map'); // so that it can be read on a path
+    ctx.lineWidth = 3;
+    ctx.strokeText(`${fixed(z, 1)} m`, px + 10, py + 4);
     ctx.fillText(`${fixed(z, 1)} m`, px + 10, py + 4);
   }
 

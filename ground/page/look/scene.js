@@ -94,14 +94,15 @@ export class SpaceView {
     const far = (a, b) => a && b && Math.hypot(...a.map((each, axis) => each - b[axis])) > MOVED_PX * pixel;
     return this.drones.some((drone, i) => {
       const before = this.#places[i];
-      return ['position', 'predicted', 'origin'].some((which) => far(drone[which], before[which])) || Math.abs(drone.yaw - before.yaw) > TURNED;
+      return ['position', 'predicted', 'origin'].some((which) => far(drone[which], before[which])) ||
+        far(drone.committed.at(-1), before.committed.at(-1)) || Math.abs(drone.yaw - before.yaw) > TURNED;
     });
   }
 
   /// All else of a drone that a picture shows.
   #seen(drone, age) {
     const stale = age > STALE_MS ? (age / 1000).toFixed(1) : '';
-    return [drone.name, drone.position !== null, drone.predicted !== null, drone.sigma_m?.toFixed(1),
+    return [drone.name, drone.position !== null, drone.predicted !== null, drone.committed.length > 0, drone.sigma_m?.toFixed(1),
       drone.origin !== null, drone.path.map((corner) => rounded(corner, 2)).join(' '), stale, drone.name === this.selected].join(';');
   }
 
@@ -160,14 +161,14 @@ export class SpaceView {
     forget(this.#moving);
     for (const { drone, path } of this.#ahead()) {
       const number = this.drones.findIndex((each) => each.name === drone);
-      this.#moving.add(line(path, new THREE.Color(this.#ink(number < 0 ? 'muted' : `drone${number % 6}`)), { dashed: true, dots: true }));
+      this.#moving.add(line(path, new THREE.Color(this.#ink(number < 0 ? 'muted' : `drone${number % 6}`)), { dashed: 0.12, dots: true }));
     }
     this.drones.forEach((drone, number) => {
       const colour = new THREE.Color(this.#ink(`drone${number % 6}`));
       const trail = this.trails.get(drone.name);
       if (trail?.length > 1) this.#moving.add(trailOf(trail, now, colour, new THREE.Color(this.#ink('map'))));
       if (drone.origin) this.#moving.add(cross([...drone.origin, 0.005], colour));
-      if (drone.path.length) this.#moving.add(line(drone.path, colour, { dashed: true, dots: true }));
+      if (drone.path.length) this.#moving.add(line(drone.path, colour, { dashed: 0.12, dots: true }));
       if (drone.position) this.#drone(drone, colour, ageOf(drone));
     });
   }
@@ -178,6 +179,7 @@ export class SpaceView {
     const size = Math.max(0.16, 0.022 * this.#camera.position.distanceTo(new THREE.Vector3(x, y, z))); // seen from afar, too
     this.#moving.add(stand(drone.position, size, colour));
     if (drone.sigma_m) this.#moving.add(disc(drone.position, 2 * drone.sigma_m, colour));
+    if (drone.committed.length) this.#moving.add(line([drone.position, ...drone.committed], colour, { dashed: 0.05 }));
     if (drone.predicted) this.#moving.add(arrow(drone.predicted, drone.yaw, size, colour, { hollow: true }));
     this.#moving.add(arrow(drone.position, drone.yaw, size, colour, { hollow: stale })); // hollow: it may be elsewhere by now
     if (drone.name === this.selected) this.#moving.add(disc(drone.position, size * 1.7, new THREE.Color(this.#ink('text')), { ring: true }));

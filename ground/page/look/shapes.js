@@ -19,8 +19,9 @@ export function forget(group) {
   group.clear();
 }
 
-export function line(corners, colour, { dashed = false, dots = false } = {}) {
-  const look = dashed ? material(THREE.LineDashedMaterial, { color: colour, dashSize: 0.12, gapSize: 0.07 }) : material(THREE.LineBasicMaterial, { color: colour });
+/// `dashed`: how long a dash is, m.
+export function line(corners, colour, { dashed = 0, dots = false } = {}) {
+  const look = dashed ? material(THREE.LineDashedMaterial, { color: colour, dashSize: dashed, gapSize: 0.6 * dashed }) : material(THREE.LineBasicMaterial, { color: colour });
   const made = new THREE.Line(points(corners), look);
   if (dashed) made.computeLineDistances();
   if (!dots) return made;

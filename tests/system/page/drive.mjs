@@ -41,7 +41,11 @@ async function countLoad(page) {
   check(!page.url().includes('token'), 'the token stays in the address bar');
 }
 
-async function takeOff(page, drone) {
+/// The drones whose committed path the plan shows.
+const committed = async (page) => (await page.locator('#map').getAttribute('data-committed')).split(' ');
+
+async function takeOff(page, drone, name) {
+  check(!(await committed(page)).includes(name), 'something is drawn as sent to a drone on the ground');
   await drone.card.locator('.select').focus();
   await page.keyboard.press('Tab'); // from its name to its buttons, as the list of keys says
   for (let i = 0; i < 5 && !(await drone.card.locator('[data-action=takeoff]:focus').count()); ++i) await page.keyboard.press('Tab');
@@ -49,10 +53,11 @@ async function takeOff(page, drone) {
   await drone.phase('By hand', TAKEOFF_MS);
 }
 
-async function flyByKeys(page, drone) {
+async function flyByKeys(page, drone, name) {
   const before = await drone.place();
   await page.keyboard.down('w');
   await page.waitForTimeout(1500);
+  check((await committed(page)).includes(name), 'what is sent by hand is not drawn');
   await page.keyboard.down('ArrowUp');
   await page.waitForTimeout(500);
   await page.keyboard.up('ArrowUp');
@@ -75,7 +80,7 @@ async function flyByKeys(page, drone) {
   await page.keyboard.up('d');
 }
 
-async function flyPath(page, drone) {
+async function flyPath(page, drone, name) {
   await page.locator('#draw').click();
   const box = await page.locator('#map').boundingBox();
   for (const [x, y] of [[0.56, 0.42], [0.62, 0.55]]) await page.mouse.click(box.x + box.width * x, box.y + box.height * y);
@@ -87,6 +92,7 @@ async function flyPath(page, drone) {
   check(saw.waypoints_sent === 2, 'two clicks are not two waypoints');
   await drone.phase('On its path', 10000);
   await page.waitForTimeout(700);
+  check((await committed(page)).includes(name), 'what is sent on a path is not drawn');
   await pictures(page, 'desktop', 'flight');
   await drone.phase('By hand', PATH_MS);
 }
@@ -210,9 +216,9 @@ async function main() {
     await openSpace(page, saw, check);
     await page.keyboard.press('v');
     await switchFaults(page, saw, check, () => pictures(page, 'desktop', 'faults'));
-    await takeOff(page, drone);
-    await flyByKeys(page, drone);
-    await flyPath(page, drone);
+    await takeOff(page, drone, name);
+    await flyByKeys(page, drone, name);
+    await flyPath(page, drone, name);
     await look(page);
     await withoutLibraries(browser, url, watch, check);
     await onPhone(browser, name);
