@@ -79,10 +79,9 @@ void SetpointPath::on_phase(TimeNs now, LinkPhase phase) noexcept {
 bool SetpointPath::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint,
                        const Steering& steering) noexcept {
   drawn_fence_ = steering.fence;
-  const bool apart = steering.follows || steering.steps_aside;
-  const Velocity goal =
-      clip_at_fence(drawn_fence_, steering.position_m, steering.height_m,
-                    apart ? apply_clearance(steering.velocity) : steering.velocity, steering.push_mps);
+  const bool yields = steering.follows || steering.steps_aside;
+  const Velocity apart = yields ? apply_clearance(steering.velocity) : steering.velocity;
+  const Velocity goal = clip_at_fence(drawn_fence_, steering.position_m, steering.height_m, apart, steering.push_mps);
   const Velocity& limited = limiter_.step(at.now, goal, steering.brakes);
   if (!LEDGERLINE_CHECK(limiter_.is_within_limits(), "what is sent is a number, and within the limits", drone_,
                         limited.mps[0], limited.mps[1], limited.mps[2], limited.yaw_radps))
