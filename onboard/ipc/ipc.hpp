@@ -14,6 +14,9 @@
 /// To receive is lock-free. To send is not: a process killed meanwhile may hold a lock of iceoryx 2.0 in shared memory.
 namespace ledgerline::ipc {
 
+/// A chunk of shared memory for a plan, which is the largest, with iceoryx's header.
+inline constexpr std::uint32_t plan_chunk_bytes = (sizeof(Plan) + 128 + 63) / 64 * 64;
+
 /// Must be called once a process, before any end is made. Without a RouDi iceoryx waits, so this checks first that it
 /// answers. One that takes the call and never answers is waited for, up to a minute, unless `is_asked_to_end`: then the
 /// process is to end, since iceoryx waits on.

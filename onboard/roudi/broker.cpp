@@ -11,6 +11,7 @@
 #include <string>
 
 #include "common/rt/retry.hpp"
+#include "onboard/ipc/ipc.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/host_check.hpp"
 
@@ -26,9 +27,9 @@ std::string user_group() { return iox::posix::PosixGroup::getGroupOfCurrentProce
 // The user group is the reader's and the writer's: all processes of Ledgerline run as one user.
 iox::RouDiConfig_t small_pools() {
   iox::mepoo::MePooConfig pools;
-  pools.addMemPool({128, 1024});   // poses, transitions
-  pools.addMemPool({384, 1024});   // states, heartbeats
-  pools.addMemPool({1280, 1024});  // plans
+  pools.addMemPool({128, 1024});  // poses, transitions
+  pools.addMemPool({384, 1024});  // states, heartbeats
+  pools.addMemPool({ipc::plan_chunk_bytes, 1024});
   const auto group = iox::posix::PosixGroup::getGroupOfCurrentProcess().getName();
   iox::RouDiConfig_t config;
   config.m_sharedMemorySegments.push_back({group, group, pools});

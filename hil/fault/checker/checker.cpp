@@ -242,7 +242,8 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
       broke(which::silent, now,
             fmt::format("{}: {:.0f} ms after its plan's end no hold", observation.name, to_ms(silent_for)));
     }
-    const bool stays = observation.mode == FailsafeMode::hold || observation.mode == FailsafeMode::brake;
+    const bool stays = observation.mode == FailsafeMode::hold ||
+                       (observation.mode == FailsafeMode::brake && observation.cause == FailsafeCause::state_stale);
     const double stays_mps = stays ? hold_mps : 0;
     if (rested && silent_for > hold_within_ns + ramp_ns && observation.sent_mps > stays_mps) {
       broke(which::silent, now,

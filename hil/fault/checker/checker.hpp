@@ -49,7 +49,8 @@ class Invariants {
   const std::vector<Verdict>& verdicts() const { return verdicts_; }
 
   static constexpr TimeNs hold_within_ns = 300 * ns_per_ms;
-  static constexpr double hold_mps = 0.43;  ///< to keep its place: 0.3 m/s along the ground, and as much upward
+  static constexpr double hold_mps =
+      0.46;  ///< to keep its place: 0.3 m/s along the ground, as much upward, and rounding
   static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc
   static constexpr double sent_at_once_mps = 0.3;     ///< between two rc of a ramp, and their rounding
   static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;

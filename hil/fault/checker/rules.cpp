@@ -350,7 +350,7 @@ constexpr RuleKind table[] = {
     {.form = "path within {}", .takes = Takes::metres, .help = "of the true place from the path", .observe = path},
     {.form = "hovers within {}",
      .takes = Takes::metres,
-     .help = "of the true place where it was 2 s after it began to fly, until it lands",
+     .help = "of the true place where it was 2 s after it began to fly, until it lands: of one that nobody steers",
      .observe = hovers,
      .needs_link = true},
     {.form = "corners within {}",

@@ -72,6 +72,7 @@ void DroneLink::on_pose(TimeNs now, const Pose& pose) noexcept {
 void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
   setpoints_.drop_plans(DropReason::too_old);
   position_.grow_older(slept_ns);
+  tracker_.reset();
   session_.grow_older(slept_ns);
   orders_.refuse_older_takeoffs(now);
 }
@@ -251,6 +252,7 @@ void DroneLink::send_commands(const LinkMoment& at) noexcept {
 
 void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
   if (!at.healthy) {
+    tracker_.let_go();
     setpoints_.fall_silent(at);
     return;
   }
@@ -274,8 +276,11 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
 bool DroneLink::may_track(TimeNs now) const noexcept {
   const bool mode = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold ||
                     (failsafe_.mode == FailsafeMode::brake && failsafe_.cause == FailsafeCause::state_stale);
-  return track_settings_.on_board && mode && session_.phase() == LinkPhase::flying && !orders_.is_landing_requested() &&
-         is_placed(now) && tracker_.may_correct(now);
+  // By hand without a position the failsafe minds none of these; no place is held by such a pose.
+  const bool doubtful = inputs_.sources_differ || inputs_.sources_unresolved || inputs_.fix_overdue ||
+                        inputs_.height_lost || inputs_.dark_since_ns != 0;
+  return track_settings_.on_board && mode && !doubtful && session_.phase() == LinkPhase::flying &&
+         !orders_.is_landing_requested() && is_placed(now) && tracker_.may_correct(now);
 }
 
 float DroneLink::push_mps(TimeNs now) const noexcept {
@@ -286,7 +291,9 @@ Velocity DroneLink::velocity_for(TimeNs now, const Playout::CurrentSetpoint& set
   Velocity planned;
   if (follows) planned = setpoint.body_frame ? to_map(setpoint.velocity, position_.yaw_rad(now)) : setpoint.velocity;
   const bool stays = !follows || (!setpoint.has_reference && planned.mps == std::array<float, 3>{});
-  if (!may_track(now) || steps_aside() || (!stays && !setpoint.has_reference)) {
+  // In another's way it stays where separation counts on it.
+  const bool in_the_way = stays && is_too_near();
+  if (!may_track(now) || steps_aside() || in_the_way || (!stays && !setpoint.has_reference)) {
     tracker_.let_go();
     return planned;
   }
@@ -307,6 +314,7 @@ void DroneLink::watch_phase(const LinkMoment& at) noexcept {
     orders_.on_phase(at.now, last_phase_, phase);
     position_.on_phase(phase);
     setpoints_.on_phase(at.now, phase);
+    tracker_.let_go();
     // It may hover a hand above the ground, and goes on with the last rc of a link that is gone.
     if (last_phase_ == LinkPhase::disconnected && phase == LinkPhase::on_ground) setpoints_.send_zero(at);
     last_phase_ = phase;

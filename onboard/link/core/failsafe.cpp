@@ -353,10 +353,10 @@ Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& 
                        Velocity desired, float push_mps) noexcept {
   for (std::size_t i = 0; i < 3; ++i) {
     const double highest = i == 2 ? std::max(position_m[i], double(height_m)) : position_m[i];
-    // The floor is pushed from by nothing: it is where a drone lands.
-    const float lifts = i == 2 ? 0 : push_mps;
-    const float up = std::max(-push_mps, static_cast<float>((fence.max_m[i] - highest) / fence.slow_s));
-    const float down = std::max(-lifts, static_cast<float>((position_m[i] - fence.min_m[i]) / fence.slow_s));
+    // Heights push nobody: the floor is where a drone lands, and its own height may be wrong.
+    const float push = i == 2 ? 0 : push_mps;
+    const float up = std::max(-push, static_cast<float>((fence.max_m[i] - highest) / fence.slow_s));
+    const float down = std::max(-push, static_cast<float>((position_m[i] - fence.min_m[i]) / fence.slow_s));
     desired.mps[i] = std::clamp(desired.mps[i], std::min(-down, up), up);
   }
   return desired;

@@ -33,7 +33,7 @@ struct Steering {
   bool follows = false;      ///< the setpoint is flown, kept apart from other drones
   bool steps_aside = false;  ///< else what the clearance says is
   bool brakes = false;       ///< with twice the deceleration
-  Velocity velocity{};       ///< in the map, before the other drones and the fence
+  Velocity velocity{};       ///< in the map, before the other drones and the last clip at the fence
   float push_mps = 0;        ///< from beyond the fence, back inside
   double yaw_rad = 0;        ///< of the drone, in the map
   FenceSettings fence{};     ///< as it holds now

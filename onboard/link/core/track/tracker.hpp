@@ -40,8 +40,10 @@ class Tracker {
   Velocity follow(TimeNs now, const Velocity& planned, const Reference& reference) noexcept;
   /// In place of zero; a place that was held before is held on.
   Velocity hold(TimeNs now) noexcept;
-  /// It flies somewhere else: the next hold() is of another place.
+  /// It flies somewhere else, or not at all: the next hold() is of another place.
   void let_go() noexcept { hold_ = {}; }
+  /// What is known of it is of before: its host slept.
+  void reset() noexcept { *this = Tracker(settings_); }
 
  private:
   struct Hold {

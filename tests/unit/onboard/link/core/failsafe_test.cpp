@@ -477,6 +477,7 @@ TEST_F(FailsafeTest, TheSetpointIsClippedAtTheFenceAndOnlyOutward) {
   EXPECT_EQ(clip_at_fence(fence, {fence.max_m[0] + 1, 0, 1}, 1, desired, 0.3F).mps[0], -0.3F);
   EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 1, 0, 1}, 1, {}, 0.3F).mps[0], 0.3F);
   EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.min_m[2] - 0.1}, 0, {}, 0.3F).mps[2], 0);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, 1}, static_cast<float>(fence.max_m[2]) + 1, {}, 0.3F).mps[2], 0);
   EXPECT_LT(clip_at_fence(fence, {fence.max_m[0] - 0.2, 0, 1}, 1, desired, 0).mps[0], 0.5F);
   EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, desired, 0).mps[0], 1);          // leads back
   EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, {{-1, 0, 0}, 0}, 0).mps[0], 0);  // leads out

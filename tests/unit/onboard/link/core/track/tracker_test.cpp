@@ -109,5 +109,23 @@ TEST(Tracker, APlaceIsHeldUntilItIsLetGo) {
   EXPECT_LT(drone.position_m.x(), there_m + 0.25) << "where it came to rest";
 }
 
+TEST(Tracker, APlaceOfBeforeAJumpIsNotFlownTo) {
+  BlownDrone drone;
+  for (int i = 0; i < 300; ++i) drone.fly(drone.tracker.hold(drone.now));
+  drone.position_m.x() = 3;  // as motion capture says it from now on
+  for (int i = 0; i < 300; ++i) drone.fly(drone.tracker.hold(drone.now));
+  EXPECT_NEAR(drone.position_m.x(), 3, 0.1);
+}
+
+TEST(Tracker, WhoDoesNotMoveAsSentIsNotCorrectedForAWhile) {
+  BlownDrone drone;
+  for (int i = 0; i < 30; ++i) drone.fly({});
+  EXPECT_TRUE(drone.tracker.may_correct(drone.now));
+  drone.tracker.on_sent(drone.now, {}, false);
+  EXPECT_FALSE(drone.tracker.may_correct(drone.now));
+  EXPECT_FALSE(drone.tracker.may_correct(drone.now + Tracker::moves_for_ns));
+  EXPECT_TRUE(drone.tracker.may_correct(drone.now + Tracker::moves_for_ns + 1));
+}
+
 }  // namespace
 }  // namespace ledgerline::link
