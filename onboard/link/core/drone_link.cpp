@@ -280,7 +280,7 @@ bool DroneLink::may_track(TimeNs now) const noexcept {
   const bool doubtful = inputs_.sources_differ || inputs_.sources_unresolved || inputs_.fix_overdue ||
                         inputs_.height_lost || inputs_.dark_since_ns != 0;
   return track_settings_.on_board && mode && !doubtful && session_.phase() == LinkPhase::flying &&
-         !orders_.is_landing_requested() && is_placed(now) && tracker_.may_correct(now);
+         !orders_.is_landing_requested() && is_freshly_placed(now) && tracker_.may_correct(now);
 }
 
 float DroneLink::push_mps(TimeNs now) const noexcept {
@@ -324,6 +324,10 @@ void DroneLink::watch_phase(const LinkMoment& at) noexcept {
 
 bool DroneLink::is_placed(TimeNs now) const noexcept {
   return now - position_.pose().stamp_ns <= pose_limit_ns(failsafe_settings_, inputs_.by_odometry);
+}
+
+bool DroneLink::is_freshly_placed(TimeNs now) const noexcept {
+  return now - position_.pose().stamp_ns <= pose_limit_ns(failsafe_settings_, inputs_.by_odometry) / 2;
 }
 
 bool DroneLink::should_delay_landing(const LinkMoment& at) const noexcept {

@@ -76,6 +76,8 @@ class DroneLink {
   bool steps_aside() const noexcept { return failsafe_.mode == FailsafeMode::hold && setpoints_.should_step_aside(); }
   /// The newest pose is young enough to be steered by.
   bool is_placed(TimeNs now) const noexcept;
+  /// Half of that: one that may be missing is not corrected by.
+  bool is_freshly_placed(TimeNs now) const noexcept;
   void send_commands(const LinkMoment& at) noexcept;
   void fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
   /// Link may correct where it flies: it has a pose, its failsafe lets it fly or hover, and it answers as drones do.

@@ -136,8 +136,8 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSetti
                               const FailsafeInputs& inputs) noexcept;
 
 /// The desired, slowed toward the fence and with no outward part at it; upward by the higher one of pose and the
-/// drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m. Beyond a wall or the
-/// ceiling it goes back inside, with `push_mps` at most.
+/// drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m. Beyond a wall it
+/// goes back inside, with `push_mps` at most along each axis.
 Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
                        Velocity desired, float push_mps) noexcept;
 

@@ -108,7 +108,7 @@ class DownwashWatch {
 struct Neighbour {
   enum class Kind : std::uint8_t {
     steered,   ///< flies what it is sent; only such a one is commanded here
-    held,      ///< in the air, and sent zero whatever its setpoint is: a failsafe has it
+    held,      ///< in the air, and sent zero, or what keeps its place: a failsafe has it
     rising,    ///< taking off: all heights up to its own take-off's end are its
     sinking,   ///< landing, or motors off: all below it is its
     standing,  ///< on the ground

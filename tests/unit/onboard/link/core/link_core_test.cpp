@@ -180,7 +180,7 @@ TEST(LinkCore, WithASilentDroneLinkBrakesAndLandsByAnswersAlone) {
   }
   EXPECT_EQ(w.core.mode(1), FailsafeMode::brake);
   w.pass(500 * ms);
-  EXPECT_EQ(w.tellos[0].rc, (std::array<int, 4>{}));
+  EXPECT_TRUE(w.tellos[0].keeps_place());
   w.pass(w.settings_.failsafe.land_after_ns + 5 * ns_per_s);
   EXPECT_EQ(w.core.phase(1), LinkPhase::disconnected);  // landed, then silent on the ground
   EXPECT_EQ(w.tellos[0].motion, FakeTello::Motion::ground);
@@ -339,6 +339,22 @@ TEST(LinkCore, AStutteringLinkStopsTheDroneAndThenKeepsSilentSoThatItLandsByItse
   EXPECT_GT(w.sent.size(), 5U);  // healthy again: hold keeps the drone awake
 }
 
+// What a drone kept before it landed is no place to fly to when it takes off elsewhere.
+TEST(LinkCore, APlaceOfAnEarlierFlightIsNotFlownTo) {
+  LinkWorld w;
+  w.take_off();
+  w.pass(2 * ns_per_s);  // no plan: it stays
+  w.plan(PlanAction::land);
+  w.pass(10 * ns_per_s);
+  ASSERT_EQ(w.tellos[0].motion, FakeTello::Motion::ground);
+  w.tellos[0].position[0] += 0.4;  // carried
+  w.pass(ns_per_s);
+  w.take_off();
+  const double there_m = w.tellos[0].position[0];
+  w.pass(2 * ns_per_s);
+  EXPECT_NEAR(w.tellos[0].position[0], there_m, 0.05);
+}
+
 // Agent's, when a lease has ended.
 TEST(LinkCore, AnEmptyPlanEndsWhatIsFlownAndTheNextHoldersPlanIsFlown) {
   LinkWorld w;
@@ -352,10 +368,11 @@ TEST(LinkCore, AnEmptyPlanEndsWhatIsFlownAndTheNextHoldersPlanIsFlown) {
   w.step();
   EXPECT_EQ(w.core.mode(1), FailsafeMode::hold);
   w.pass(500 * ms);
-  EXPECT_EQ(w.tellos[0].rc[1], 0);
+  const auto stays = [&] { return w.tellos[0].keeps_place(); };
+  EXPECT_TRUE(stays());
   w.fly_plan({1, 0, 0}, 40);  // the loser's, that comes late
   w.pass(100 * ms);
-  EXPECT_EQ(w.tellos[0].rc[1], 0);
+  EXPECT_TRUE(stays());
   Plan& next = w.fly_plan({1, 0, 0}, 40);
   next.epoch = 2;
   next.sequence = 1;

@@ -88,6 +88,8 @@ struct FakeTello {
     return "vgx:" + sent(velocity_mps[0]) + ";vgy:" + sent(velocity_mps[1]) + ";vgz:" + sent(velocity_mps[2]) +
            ";yaw:0;";
   }
+  /// It is sent zero, or no more than what keeps its place: 0.3 m/s level, and as much upward.
+  bool keeps_place() const { return std::hypot(rc[0], rc[1]) <= 31 && std::abs(rc[2]) <= 31 && rc[3] == 0; }
   long count(const std::string& command) const { return std::count(heard.begin(), heard.end(), command); }
 };
 

@@ -321,7 +321,7 @@ TEST(TooNear, OneThatHoldsWithoutAPositionDoesNotStepAside) {
   const auto before = w.tellos[1].position;
   w.pass(2 * ns_per_s);  // it is not landed yet
   const auto &after = w.tellos[1].position;
-  EXPECT_LT(std::hypot(after[0] - before[0], after[1] - before[1]), 0.05) << "the rest of what it flew";
+  EXPECT_LT(std::hypot(after[0] - before[0], after[1] - before[1]), 0.1) << "the rest of what it flew";
 }
 
 }  // namespace
