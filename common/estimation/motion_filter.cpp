@@ -7,7 +7,7 @@
 namespace ledgerline::estimation {
 namespace {
 
-constexpr TimeNs pause_ns = ns_per_s;  // between poses: after it the filter begins anew
+constexpr TimeNs pause_ns = ns_per_s;  // between poses: after it the filter restarts
 constexpr double jump_m = 0.5;         // no drone is that far from where it was expected
 // Measurements: agent's fused pose from optical mocap; its velocity lags by some 50 ms, so it counts little.
 constexpr double position_sigma_m = 0.002, velocity_sigma_mps = 0.3;

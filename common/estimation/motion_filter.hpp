@@ -62,7 +62,7 @@ class MotionFilter {
 
   /// Times must grow: false, and ignored, where it is not newer. The newest 512 are kept: 2.5 s of 200 a second.
   bool add_sent(const SentVelocity& sent);
-  /// A pose that is newer than newest(). True: the filter began anew, since the last one is more than 1 s old or more
+  /// A pose that is newer than newest(). True: the filter restarted, since the last one is more than 1 s old or more
   /// than 0.5 m from where it was expected.
   bool add_pose(const Motion& measured);
 

@@ -61,7 +61,7 @@ class FlightCore {
   const FlightTransactions& transactions() const { return transactions_; }
   /// The round trip that plans are made for; the maximum over all drones.
   TimeNs delay_ns() const { return timing_.max_delay_ns(); }
-  /// What was sent to it and is not flown yet (Planner::committed()); worked out anew by each call.
+  /// What was sent to it and is not flown yet (Planner::committed()); each call computes it.
   std::optional<CommittedPath> committed(TimeNs now_ns, std::size_t drone) const {
     return drones_.at(drone)->planner.committed(now_ns, timing_.of(drone));
   }

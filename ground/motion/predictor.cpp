@@ -74,7 +74,7 @@ std::optional<Setpoint> Predictor::planned(TimeNs at_ns, double yaw_rad) const {
 
 Rollout Predictor::until(TimeNs meant_ns) const {
   const TimeNs until_ns = std::min(meant_ns + late_ns_, newest().stamp_ns + max_ns);
-  // Up to the last of link's words they count, behind it what was planned.
+  // What link says it sent counts, and behind that what was planned.
   Rollout out = filter_.rollout(std::min(known_until_ns(), until_ns));
   send_planned(out, until_ns);
   return out;
@@ -110,7 +110,7 @@ std::vector<Motion> Predictor::committed(TimeNs from_ns, std::size_t most) const
   std::vector<Motion> motions;
   Rollout rollout;
   for (TimeNs at_ns = first_ns;; at_ns = std::min(at_ns + step_ns, end_ns)) {
-    // From link's words on it goes on from sample to sample.
+    // Behind what link says it sent it goes on from sample to sample.
     if (motions.empty() || rollout.sent_until_ns() < known_until_ns()) {
       rollout = until(at_ns - dead_ns - late_ns_);
     } else {

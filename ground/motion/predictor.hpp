@@ -30,7 +30,7 @@ struct PredictorConfig {
 ///  - the Response is learned meanwhile (ResponseEstimator).
 ///
 /// States may come in bursts, with gaps, twice or out of order: one that is not newer changes nothing, one whose pose
-/// is not newer says what the drone was sent and no more. Where the filter begins anew, what was learned of the
+/// is not newer says what the drone was sent and no more. Where the filter restarts, what was learned of the
 /// response stays. Bounded in memory, and in work by max_ns, whatever the times say. Deterministic; one thread.
 class Predictor {
  public:
@@ -68,7 +68,7 @@ class Predictor {
     bool body_frame;
   };
   std::optional<Setpoint> planned(TimeNs at_ns, double yaw_rad) const;
-  /// Link's words count until then.
+  /// What link says it sent counts until then.
   TimeNs known_until_ns() const;
   void send_planned(Rollout& rollout, TimeNs until_ns) const;
 

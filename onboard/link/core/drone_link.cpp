@@ -277,9 +277,9 @@ bool DroneLink::may_track(TimeNs now) const noexcept {
   const bool mode = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold ||
                     (failsafe_.mode == FailsafeMode::brake && failsafe_.cause == FailsafeCause::state_stale);
   // By hand without a position the failsafe minds none of these; no place is held by such a pose.
-  const bool doubtful = inputs_.sources_differ || inputs_.sources_unresolved || inputs_.fix_overdue ||
-                        inputs_.height_lost || inputs_.dark_since_ns != 0;
-  return track_settings_.on_board && mode && !doubtful && session_.phase() == LinkPhase::flying &&
+  const bool contradicted = inputs_.sources_differ || inputs_.sources_unresolved || inputs_.fix_overdue ||
+                            inputs_.height_lost || inputs_.dark_since_ns != 0;
+  return track_settings_.on_board && mode && !contradicted && session_.phase() == LinkPhase::flying &&
          !orders_.is_landing_requested() && is_freshly_placed(now) && tracker_.may_correct(now);
 }
 

@@ -11,8 +11,8 @@ namespace {
 
 /// Where it is that much later.
 Reference moved_on(const Reference& from, TimeNs by_ns) noexcept {
-  constexpr TimeNs longest_ns = 100 * ns_per_ms;  // two steps of ground's: behind it, it does not run away
-  const auto t = static_cast<float>(to_seconds(std::min(by_ns, longest_ns)));
+  constexpr TimeNs max_ns = 100 * ns_per_ms;  // two steps of ground's: behind it, it does not run away
+  const auto t = static_cast<float>(to_seconds(std::min(by_ns, max_ns)));
   Reference out = from;
   for (std::size_t i = 0; i < 3; ++i) {
     out.position_m[i] += t * (from.velocity_mps[i] + 0.5F * t * from.acceleration_mps2[i]);

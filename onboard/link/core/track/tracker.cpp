@@ -19,16 +19,16 @@ Eigen::Vector3d vector(const std::array<float, 3>& v) { return {v[0], v[1], v[2]
 
 void Tracker::on_pose(const Pose& pose) noexcept {
   if (pose.stamp_ns <= filter_.newest().stamp_ns) return;
-  const bool began_anew = filter_.add_pose({pose.stamp_ns, Eigen::Vector3d::Map(pose.position_m.data()),
-                                            Eigen::Vector3d::Map(pose.velocity_mps.data()), pose.yaw_rad});
-  if (began_anew) let_go();  // perhaps in another frame
+  const bool restarted = filter_.add_pose({pose.stamp_ns, Eigen::Vector3d::Map(pose.position_m.data()),
+                                           Eigen::Vector3d::Map(pose.velocity_mps.data()), pose.yaw_rad});
+  if (restarted) let_go();  // perhaps in another frame
   const double variance_m2 = static_cast<double>(std::max(pose.variance[0], pose.variance[1]));
   effect_of_ns_ = 0;
   certainty_ = 1 / (1 + variance_m2 / (sure_m * sure_m));
 }
 
 void Tracker::on_sent(TimeNs now, const Velocity& sent, bool moves) noexcept {
-  if (!moves) doubted_ns_ = now;
+  if (!moves) disobeyed_ns_ = now;
   if (now - last_sent_ns_ < sent_gap_ns) return;
   last_sent_ns_ = now;
   filter_.add_sent({now, vector(sent.mps), static_cast<double>(sent.yaw_radps)});

@@ -35,7 +35,7 @@ class Tracker {
   /// it. It is corrected again when it has moved so for as long as MotionWatch takes to be sure: with half, link lets
   /// go and takes hold in turn.
   static constexpr TimeNs moves_for_ns = 4 * ns_per_s;
-  bool may_correct(TimeNs now) const noexcept { return filter_.ready() && now - doubted_ns_ > moves_for_ns; }
+  bool may_correct(TimeNs now) const noexcept { return filter_.ready() && now - disobeyed_ns_ > moves_for_ns; }
   /// In place of `planned` (map). `reference`: for what is sent now.
   Velocity follow(TimeNs now, const Velocity& planned, const Reference& reference) noexcept;
   /// In place of zero; a place that was held before is held on.
@@ -60,7 +60,7 @@ class Tracker {
   estimation::Motion effect_;
   TimeNs effect_of_ns_ = 0;  ///< when effect_ was computed
   TimeNs last_sent_ns_ = 0;
-  TimeNs doubted_ns_ = -moves_for_ns;  ///< when it did not move so last
+  TimeNs disobeyed_ns_ = -moves_for_ns;  ///< when it did not move so last
   Hold hold_;
 };
 
