@@ -514,6 +514,18 @@ TEST(FaultChecker, ABrakeTakesItsPlansWithIt) {
   }
 }
 
+TEST(FaultChecker, AHoverIsMeasuredFromWhereItSettled) {
+  CheckedRun run("hovers within 0.15 m");
+  run.drones[0].truth.position_m[0] += 0.5;  // as it rises
+  run.pass(3 * ns_per_s);
+  run.drones[0].truth.position_m[0] += 0.1;
+  run.pass(ns_per_s);
+  EXPECT_THAT(run.broken(), IsEmpty());
+  run.drones[0].truth.position_m[1] += 0.2;
+  run.pass(ns_per_s);
+  EXPECT_TRUE(run.broken().contains("hovers within 0.15 m"));
+}
+
 TEST(FaultChecker, TheFenceIsOfTheTruth) {
   for (const auto& [place, kept] : {std::pair(std::array<double, 3>{100.1, 0, 1}, true),
                                     {{100.3, 0, 1}, false},
