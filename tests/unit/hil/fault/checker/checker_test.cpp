@@ -520,7 +520,7 @@ TEST(FaultChecker, AHoverIsMeasuredFromWhereItSettled) {
   run.pass(3 * ns_per_s);
   run.drones[0].truth.position_m[0] += 0.1;
   run.pass(ns_per_s);
-  EXPECT_THAT(run.broken(), IsEmpty());
+  EXPECT_TRUE(run.broken().empty());
   run.drones[0].truth.position_m[1] += 0.2;
   run.pass(ns_per_s);
   EXPECT_TRUE(run.broken().contains("hovers within 0.15 m"));
