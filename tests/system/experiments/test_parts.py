@@ -317,7 +317,7 @@ def test_a_flight_that_does_not_get_onto_its_path_has_failed(place, monkeypatch,
     monkeypatch.setattr(runs, "TIMEOUT_S", timeout_s)
     scripted(place, "fly", program)
     found = runs.flight(config.Case("c", {"ramp": "0.5:0.5", "laps": 2}), place, 1)
-    assert found["figures"] == {"finished": 0.0, "fails": 1.0, "top_speed_mps": 0.0, "top_lap_mps": 0.0, "top_peak_mps": 0.0,
+    assert found["figures"] == {"finished": 0.0, "fails": 1.0, "completed": 0.0, "top_speed_mps": 0.0, "top_lap_mps": 0.0, "top_peak_mps": 0.0,
                                 "failed_at_mps": 0.5}
     assert why in found["why"] and found["ramp_end"] == "failed at 0.5 m/s"
 
@@ -331,7 +331,7 @@ def test_a_flight_that_fly_refused_to_begin_was_not_measured(place, code):
 
 def test_a_simulated_flight_that_crashes_has_failed_and_one_asked_wrongly_was_not_measured(place):
     scripted(place, "hil", "kill -SEGV $$")
-    assert runs.sitl(config.Case("c", {}), place, 1)["figures"] == {"finished": 0.0, "fails": 1.0}
+    assert runs.sitl(config.Case("c", {}), place, 1)["figures"] == {"finished": 0.0, "fails": 1.0, "completed": 0.0}
     scripted(place, "hil", "echo bad >&2; exit 2")
     with pytest.raises(runs.NotMeasured, match="bad"):
         runs.sitl(config.Case("c", {}), place, 1)
@@ -342,7 +342,7 @@ def test_three_hosts_of_which_a_program_ends_have_failed(place, monkeypatch):
         raise runs.three_hosts.Failed("link ended in flight: why")
     monkeypatch.setattr(runs.three_hosts, "fly", fly)
     found = runs.hosts(config.Case("c", {"shape": "square"}), place, 1)
-    assert found["figures"] == {"finished": 0.0, "fails": 1.0} and "link ended in flight" in found["why"]
+    assert found["figures"] == {"finished": 0.0, "fails": 1.0, "completed": 0.0} and "link ended in flight" in found["why"]
 
 
 class OnThisHost:
