@@ -315,7 +315,7 @@ TEST(Predictor, SentVelocitiesChangeNoFasterThanLinkLetsThem) {
   Predictor predictor(slow);
   predictor.observe(at(ns_per_s, 0));
   auto rollout = predictor.until(ns_per_s);
-  rollout.send({1, 0, 0}, 0, ns_per_s + 500 * ns_per_ms);
+  rollout.send({1, 0, 0}, 0, ns_per_s + 500 * ns_per_ms, slow.sent_acceleration_mps2);
   EXPECT_NEAR(rollout.sent_mps().x(), 0.5, 1e-6);
 }
 
