@@ -151,7 +151,8 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
       p->set_yaw_rate(setpoint.yaw_rate_radps);
       if (setpoint.has_reference) write(setpoint.reference, *p->mutable_reference());
     }
-    if (planned.front().has_reference && controller_) write(controller_->predictor().response(), *plan.mutable_response());
+    if (planned.front().has_reference && controller_)
+      write(controller_->predictor().response(), *plan.mutable_response());
     if (status_.phase == GroundPhase::path && !config_.manual) count_laps(first_setpoint_ns_);
     if (follower_) command.progress_m = follower_->progress_m();
     report();
