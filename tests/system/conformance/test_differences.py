@@ -62,4 +62,4 @@ def test_who_endorses(fabric, drone_host):
 def test_the_command_lines_lifecycle(fabric, peer):
     done = peer.run("lifecycle", "chaincode", "querycommitted", "-C", "teleop")
     assert done.returncode == (0 if fabric else 1)
-    assert "Name: ledgerline, Version: 3" in done.stdout if fabric else "no contract named '_lifecycle'" in done.stderr
+    assert "Name: ledgerline, Version: 4" in done.stdout if fabric else "no contract named '_lifecycle'" in done.stderr
