@@ -24,7 +24,8 @@ const watcher = new Watcher(outdir, { requests: 0, bytes: 0, phases: [], velocit
   waypoints_sent: 0, stop: [], alarms: [] });
 const { saw, velocities } = watcher;
 const check = (good, words) => watcher.check(good, words);
-const watch = (page) => watcher.watch(page, { meant: /ERR_CONNECTION_(REFUSED|RESET)/ }); // while ground is away
+// While ground is away: by when its end comes, on the way to a request, in it, or before.
+const watch = (page) => watcher.watch(page, { meant: /ERR_(CONNECTION_(REFUSED|RESET|CLOSED)|SOCKET_NOT_CONNECTED|EMPTY_RESPONSE)/ });
 const pictures = (page, size, moment) => watcher.pictures(page, size, moment, ['flight', 'space', 'faults'].includes(moment));
 
 async function countLoad(page) {
