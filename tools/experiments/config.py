@@ -14,8 +14,8 @@ FLIGHT = {"settings": str, "shape": str, "side": NUMBER, "drones": int, "rate": 
           "seconds": NUMBER, "ramp": str, "predict": str, "max_age": str, "ledger": str, "storage": str, "orderers": int,
           "batch_count": int, "batch_timeout": str, "gateway": bool, "endorser": bool}
 SITL = {"mode": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "ramp": str,
-           "predict": str, "track": str, "max_age": NUMBER, "delay": (int, float, str), "delay_side": str, "model_error": NUMBER, "gust": NUMBER,
-           "full_scale": NUMBER, "batch_count": int, "batch_timeout": NUMBER}
+        "predict": str, "track": str, "max_age": NUMBER, "delay": (int, float, str), "delay_side": str, "model_error": NUMBER,
+        "gust": NUMBER, "full_scale": NUMBER, "batch_count": int, "batch_timeout": NUMBER}
 EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ramp": str, "laps": int}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}
 OPTIONS = {"flight": FLIGHT, "sitl": SITL, "exchange": EXCHANGE, "hosts": HOSTS}
