@@ -43,7 +43,8 @@ Committer::Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegist
 
 CutBlock Committer::validate(OrderedBlock ordered) {
   common::Block& block = ordered.block;
-  CutBlock cut{block.header().number(), {}, {}, std::move(ordered.warning)};
+  CutBlock cut{
+      .number = block.header().number(), .bytes = {}, .transactions = {}, .warning = std::move(ordered.warning)};
   std::vector<Write> writes;
   if (cut.number == 0) {
     cut.transactions.push_back({"", 0, protos::VALID});  // the config block, which is the node's own
@@ -51,6 +52,7 @@ CutBlock Committer::validate(OrderedBlock ordered) {
     for (fabric::TransactionVerdict& verdict : fabric::validate_transactions(block, view_, *members_, rules_)) {
       const Version at{cut.number, cut.transactions.size()};
       if (verdict.code == protos::VALID) {
+        cut.writers.insert(verdict.creator_msp);
         writes.push_back({at, set_of(verdict.sets, config_.contract), std::move(verdict.creator_msp)});
       }
       cut.transactions.push_back({std::move(verdict.tx_id), cut.number, verdict.code});

@@ -3,6 +3,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -25,7 +26,8 @@ struct CutBlock {
   std::uint64_t number = 0;
   std::string bytes;  ///< common.Block with flags in metadata[2]
   std::vector<TxStatus> transactions;
-  std::string warning;  ///< not empty: the block has no orderer's signature, and why
+  std::set<std::string> writers{};  ///< MSP ids of who has signed its valid transactions
+  std::string warning{};            ///< not empty: the block has no orderer's signature, and why
 };
 
 /// What a waiter is to get (see watch).

@@ -59,7 +59,7 @@ struct ServiceLimits {
   Limit calls, questions;
 };
 
-/// A unary call: parsed here, then `work(core, request)` on the core's thread, whose status ends the call.
+/// A unary call: parsed here, then `work(core, request)` by who has the core, whose status ends the call.
 /// `priority_of` says of a request when its turn is, and whose it is.
 template <typename Request, typename PriorityOf, typename Work>
 grpc::ServerUnaryReactor* answer_on_core(Node& node, ServiceLimits& limits, grpc::CallbackServerContext* context,

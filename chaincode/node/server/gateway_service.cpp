@@ -13,7 +13,7 @@ namespace {
 /// keep nobody from endorsing.
 constexpr int max_gateway_calls = 500, max_gateway_waiting = 2500;
 
-/// One CommitStatus call that waits for its transaction. Once the core knows of it, it is finished on the core thread.
+/// One CommitStatus call that waits for its transaction. Once the core knows of it, it is finished by who has that.
 class CommitWaiter final : public grpc::ServerUnaryReactor {
  public:
   CommitWaiter(Limit::Slot slot, std::function<void()> on_cancel)
@@ -178,7 +178,7 @@ class GatewayService final : public RawGateway {
   Limit waiting_limit_{"/gateway.Gateway (calls that wait)", max_gateway_waiting};
   ViewCache events_;
   std::atomic<std::uint64_t> next_waiter_{1};
-  std::map<std::uint64_t, Waiting> waiting_;  // core thread only
+  std::map<std::uint64_t, Waiting> waiting_;  // of who has the core
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "chaincode/node/server/streams.hpp"
 
 #include <grpc/grpc_security_constants.h>
+#include <grpc/support/time.h>
 
 #include <limits>
 
@@ -108,7 +109,7 @@ void DeliverStream::OnReadDone(bool ok) {
     const auto range = read_range(request.seek, core.height());
     if (!signer) return self->send_status(common::FORBIDDEN);
     if (!range) return self->send_status(common::BAD_REQUEST);
-    if (self->set_authenticated()) self->begin(*range);
+    if (self->set_authenticated()) self->begin(*range, signer->msp_id);
   });
   if (!taken) send_status(common::SERVICE_UNAVAILABLE);
 }
@@ -124,15 +125,21 @@ void DeliverStream::OnWriteDone(bool ok) {
   StartRead(&request_);
 }
 
+std::string DeliverStream::organisation() const {
+  const std::lock_guard lock(mutex_);
+  return organisation_;
+}
+
 void DeliverStream::wake() {
   const std::lock_guard lock(mutex_);
   pump();
 }
 
-void DeliverStream::begin(const SeekRange& range) {
+void DeliverStream::begin(const SeekRange& range, const std::string& organisation) {
   {
     const std::lock_guard lock(mutex_);
     range_ = range;
+    organisation_ = organisation;
     streaming_ = true;
   }
   node_.feed().wake_soon(weak_from_this());
@@ -207,9 +214,9 @@ void EventStream::begin(NodeCore& core, const gateway::ChaincodeEventsRequest& r
   const auto behind = core.find(after_);
   next_ = behind ? behind->block : read_start(request.start_position(), core.height());
   streaming_ = true;
-  // Looking for the first event may take the whole chain: not on the core's thread. The alarm keeps the function, and
+  // Looking for the first event may take the whole chain: not by who has the core. The alarm keeps the function, and
   // must not keep us by it.
-  to_grpc_thread_.Set(std::chrono::system_clock::now(), [weak = weak_from_this()](bool) {
+  to_grpc_thread_.Set(::gpr_inf_past(GPR_CLOCK_REALTIME), [weak = weak_from_this()](bool) {
     if (const auto self = weak.lock()) self->wake();
   });
 }

@@ -56,7 +56,7 @@ class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, publ
   void on_received() {
     if (!slot_) unauthenticated_->remove(this);
   }
-  /// On the core thread. A member has signed what came: from now on it has a member's place. False as in admit().
+  /// By who has the core. A member has signed what came: from now on it has a member's place. False as in admit().
   bool set_authenticated() {
     if (!slot_) slot_ = limit_.acquire();
     if (!slot_) finish(too_many(limit_));
@@ -78,7 +78,7 @@ class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, publ
     this->Finish(status);
   }
 
-  std::mutex mutex_;  ///< guards finished_, the start of a write, and what the stream says
+  mutable std::mutex mutex_;  ///< guards finished_, the start of a write, and what the stream says
   bool finished_ = false;
 
  private:
@@ -172,9 +172,10 @@ class DeliverStream final
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
   void wake() override;
+  std::string organisation() const override;
 
  private:
-  void begin(const SeekRange& range);
+  void begin(const SeekRange& range, const std::string& organisation);
   // With the mutex held:
   void pump();
   void write_status(common::Status status);
@@ -189,6 +190,7 @@ class DeliverStream final
   // Guarded by the mutex:
   grpc::ByteBuffer response_;
   SeekRange range_;
+  std::string organisation_;
   common::Status written_ = common::UNKNOWN;  // the status being written; UNKNOWN: a block
   bool streaming_ = false, busy_ = false;
 };

@@ -32,47 +32,44 @@ bool BlockFeed::wait(std::uint64_t number, std::weak_ptr<Waiter> waiter) {
 }
 
 void BlockFeed::wake_soon(std::weak_ptr<Waiter> waiter) {
-  {
-    const std::lock_guard lock(mutex_);
-    waiters_.push_back(std::move(waiter));
-    news_ = true;
-  }
-  published_.notify_one();
+  const std::lock_guard lock(mutex_);
+  waiters_.push_back(std::move(waiter));
+  news_ = true;
 }
 
-void BlockFeed::publish(std::uint64_t number, std::string bytes) {
-  {
-    const std::lock_guard lock(mutex_);
-    height_ = number + 1;
-    recent_.push_back(std::make_shared<const std::string>(std::move(bytes)));
-    if (recent_.size() > recent_blocks) recent_.pop_front();
-    news_ = true;
-  }
-  published_.notify_one();
+void BlockFeed::publish(std::uint64_t number, std::string bytes, std::set<std::string> writers) {
+  const std::lock_guard lock(mutex_);
+  height_ = number + 1;
+  writers_ = std::move(writers);
+  recent_.push_back(std::make_shared<const std::string>(std::move(bytes)));
+  if (recent_.size() > recent_blocks) recent_.pop_front();
+  news_ = true;
 }
 
-void BlockFeed::run() {
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    published_.wait(lock, [&] { return news_ || ended_; });
-    if (ended_) return;
+bool BlockFeed::has_news() const {
+  const std::lock_guard lock(mutex_);
+  return news_ && !waiters_.empty();
+}
+
+void BlockFeed::wake_readers() {
+  std::vector<std::weak_ptr<Waiter>> woken;
+  std::set<std::string> writers;
+  {
+    const std::lock_guard lock(mutex_);
     news_ = false;
-    const auto woken = std::exchange(waiters_, {});
-    lock.unlock();
-    for (const auto& weak : woken) {
-      if (const auto waiter = weak.lock()) waiter->wake();
-    }
-    lock.lock();
+    woken.swap(waiters_);
+    writers = writers_;
   }
-}
-
-BlockFeed::~BlockFeed() {
-  {
-    const std::lock_guard lock(mutex_);
-    ended_ = true;
+  std::vector<std::shared_ptr<Waiter>> last;
+  for (const auto& weak : woken) {
+    auto waiter = weak.lock();
+    if (!waiter) continue;
+    if (writers.contains(waiter->organisation()))
+      last.push_back(std::move(waiter));
+    else
+      waiter->wake();
   }
-  published_.notify_one();
-  thread_.join();
+  for (const auto& waiter : last) waiter->wake();
 }
 
 void BlockFeed::start_at(std::uint64_t height) {

@@ -1,10 +1,9 @@
 #pragma once
-#include <condition_variable>
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "chaincode/node/storage/block_store.hpp"
@@ -25,45 +24,46 @@ namespace ledgerline::node {
 /// no memory: it asks for one block after the other, and old ones come from disk. All methods from any thread.
 class BlockFeed {
  public:
-  explicit BlockFeed(const BlockStore& store) : store_(store), thread_([this] { run(); }) {}
-  ~BlockFeed();
+  explicit BlockFeed(const BlockStore& store) : store_(store) {}
 
   using Bytes = std::shared_ptr<const std::string>;
   /// How many blocks are committed.
   std::uint64_t height() const;
   Result<Bytes> read(std::uint64_t number) const;
 
-  /// Someone who waits for a block. wake() comes once for each wait, on the feed's own thread, so that many readers do
-  /// not hold up the core.
+  /// Someone who waits for a block. wake() comes once for each wait, by who calls wake_readers().
   class Waiter {
    public:
     virtual ~Waiter() = default;
     virtual void wake() = 0;
+    /// MSP id of who reads; empty: no matter.
+    virtual std::string organisation() const { return {}; }
   };
-  /// A wake in any case, and soon: for the first look, which the core's thread has no time for.
+  /// A wake in any case, with the next wake_readers(): for the first look, for which who has the core has no time.
   void wake_soon(std::weak_ptr<Waiter> waiter);
   /// False: the block is there already, no wake will come.
   bool wait(std::uint64_t number, std::weak_ptr<Waiter> waiter);
 
-  /// After the block with this number is on disk and applied; in order.
-  void publish(std::uint64_t number, std::string bytes);
+  /// After the block with this number is on disk and applied; in order. `writers`: MSP ids of who has sent it, whose
+  /// readers come last, since they know what is in it.
+  void publish(std::uint64_t number, std::string bytes, std::set<std::string> writers);
+  /// Whether wake_readers() has somebody to wake, who may take long: not while one has the core.
+  bool has_news() const;
+  void wake_readers();
   /// At start: blocks that are on disk already.
   void start_at(std::uint64_t height);
 
  private:
   static constexpr std::size_t recent_blocks = 64;
-  void run();
 
   const BlockStore& store_;
   mutable std::mutex mutex_;  // guards what follows
-  std::condition_variable published_;
   std::uint64_t height_ = 0;
   std::deque<Bytes> recent_;  // the last of them is block height_ - 1
   std::vector<std::weak_ptr<Waiter>> waiters_;
   std::size_t prune_at_ = 64;  // so many waiters, and it is time to look for those who have gone
-  bool news_ = false, ended_ = false;
-
-  std::thread thread_;
+  bool news_ = false;
+  std::set<std::string> writers_;  // of the last block
 };
 
 // A committed block as each service shows it.

@@ -83,8 +83,7 @@ Result<std::unique_ptr<Node>> Node::open(Options options) {
   }
   node->feed_ = std::make_unique<BlockFeed>(*node->store_);
   node->feed_->start_at(node->store_->height());
-  node->core_thread_ = std::thread([raw = node.get()] { raw->run_core(); });
-  node->writer_thread_ = std::jthread([raw = node.get()](const std::stop_token& stop) { raw->run_writer(stop); });
+  node->clock_ = std::thread([raw = node.get()] { raw->run_clock(); });
   return node;
 }
 
@@ -184,21 +183,17 @@ Requester Node::sender_of(const common::Envelope& envelope) const {
 }
 
 bool Node::post(Task task, Turn turn, const Requester& requester) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (tasks_.is_full(turn) || stopping_) return false;
-    tasks_.push(turn, requester, std::move(task));
-  }
-  core_wakes_.notify_one();
+  Lock lock(mutex_);
+  if (tasks_.is_full(turn) || stopping_) return false;
+  tasks_.push(turn, requester, std::move(task));
+  work(lock);
   return true;
 }
 
 void Node::post_always(Task task, const Requester& requester) {
-  {
-    const std::lock_guard lock(mutex_);
-    tasks_.push(Turn::first, requester, std::move(task));
-  }
-  core_wakes_.notify_one();
+  Lock lock(mutex_);
+  tasks_.push(Turn::first, requester, std::move(task));
+  work(lock);
 }
 
 void Node::on_answer(std::function<void(std::uint64_t, const TxStatus&)> handler) {
@@ -206,45 +201,44 @@ void Node::on_answer(std::function<void(std::uint64_t, const TxStatus&)> handler
 }
 
 void Node::on_failure(std::function<void(const std::string&)> handler) {
-  const std::lock_guard lock(mutex_);
+  const Lock lock(mutex_);
   on_failure_ = std::move(handler);
 }
 
-void Node::run_core() {
-  ::pthread_setname_np(::pthread_self(), "core");
-  TimeNs check_disk_ns = 0;
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    const auto ready = [&] { return !tasks_.empty() || written_ || stopping_; };
-    if (const auto due = failed_ ? std::nullopt : core_->next_cut()) {
-      const TimeNs now = monotonic_ns();
-      if (!ready() && *due > now) core_wakes_.wait_for(lock, std::chrono::nanoseconds(*due - now), ready);
-    } else {
-      core_wakes_.wait(lock, ready);
-    }
-    if (stopping_ && tasks_.empty() && !to_write_ && !written_) break;
-    std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
+void Node::work(Lock& lock) {
+  while (!busy_ && has_work()) {
+    busy_ = true;
+    const std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
     Task task;
     if (!tasks_.empty()) task = tasks_.pop();
     const bool may_cut = !failed_;
     lock.unlock();
-    if (const TimeNs now = monotonic_ns(); now >= check_disk_ns) {
-      check_disk_ns = now + ns_per_s;
-      check_disk();
-    }
+    check_disk();
     if (written) apply(*written);
     if (task) std::exchange(task, nullptr)(*core_);
-    if (may_cut) {
-      if (auto block = core_->cut(read_now())) start_writing(std::move(*block));
-    }
+    auto block = may_cut ? core_->cut(read_now()) : std::nullopt;
+    const auto due = may_cut ? core_->next_cut() : std::nullopt;
+    const bool has_readers = feed_->has_news();
     lock.lock();
-    // While stopping, a block in progress is finished; after it only queued tasks can come.
-    if (stopping_ && tasks_.empty()) core_wakes_.wait(lock, [&] { return written_ || !to_write_; });
+    busy_ = false;
+    const bool sooner = due && due != due_;
+    due_ = due;
+    // It goes on where this thread leaves work behind for a while.
+    if (stopping_ || sooner || ((block || has_readers) && has_work())) clock_wakes_.notify_one();
+    if (has_readers) {
+      lock.unlock();
+      feed_->wake_readers();
+      lock.lock();
+    }
+    if (block) store(lock, std::move(*block));
   }
 }
 
 /// What commands and stops need is kept for them before the disk is full for all.
 void Node::check_disk() {
+  const TimeNs now = monotonic_ns();
+  if (now < check_disk_ns_) return;
+  check_disk_ns_ = now + ns_per_s;
   const auto space = space_at(options_.dir);
   // A disk that cannot be queried cannot be written either: the error is reported where a block is written.
   if (!space) return;
@@ -258,60 +252,60 @@ void Node::check_disk() {
   }
 }
 
-void Node::start_writing(CutBlock block) {
-  if (!block.warning.empty())
+/// Nothing is announced that is not on disk. What a full one has no room for the clock tries again.
+void Node::store(Lock& lock, CutBlock block) {
+  LEDGERLINE_CHECK(!written_, "one block is in progress at most", block.number);
+  const bool waited = std::exchange(writing_, true);
+  lock.unlock();
+  if (!block.warning.empty() && !waited)
     spdlog::warn("block {} is without the orderer's signature: {}", block.number, block.warning);
-  {
-    const std::lock_guard lock(mutex_);
-    LEDGERLINE_CHECK(!to_write_ && !written_, "one block is in progress at most", block.number);
-    to_write_ = std::move(block);
-  }
-  writer_wakes_.notify_one();
-}
-
-/// Nothing is announced that is not on disk; a full one may have room again.
-Status Node::store(const CutBlock& block) {
-  constexpr std::chrono::milliseconds again_after{100};
-  Status stored = store_->append(block.bytes);
-  for (bool reported = false; !stored && store_->full(); stored = store_->append(block.bytes)) {
-    if (!std::exchange(reported, true))
+  const TimeNs begin = monotonic_ns();
+  const Status stored = store_->append(block.bytes);
+  const TimeNs took = monotonic_ns() - begin;
+  if (took > slow_disk_ns) spdlog::warn("the disk took {:.0f} ms for block {}", to_ms(took), block.number);
+  lock.lock();
+  if (!stored && store_->full() && !stopping_) {
+    if (!waited)
       spdlog::error("block {} waits for room on the disk, and nothing is confirmed meanwhile: {}", block.number,
                     stored.error().message);
-    std::unique_lock lock(mutex_);
-    if (writer_wakes_.wait_for(lock, again_after, [&] { return stopping_; })) break;
+    no_room_ = std::move(block);
+    clock_wakes_.notify_one();
+    return;
   }
-  return stored;
+  writing_ = false;
+  if (stored) {
+    disk_.add(took);
+    written_ = std::move(block);
+    return;
+  }
+  // For the core the block stays in progress for ever.
+  failed_ = true;
+  spdlog::error("the ledger stops: {}", stored.error().message);
+  if (on_failure_) on_failure_(stored.error().message);
 }
 
-void Node::run_writer(const std::stop_token& stop) {
-  std::unique_lock lock(mutex_);
+void Node::run_clock() {
+  constexpr std::chrono::milliseconds again_after{100};
+  ::pthread_setname_np(::pthread_self(), "clock");
+  Lock lock(mutex_);
   for (;;) {
-    if (!writer_wakes_.wait(lock, stop, [&] { return to_write_.has_value(); })) return;
-    const CutBlock& block = *to_write_;
-    lock.unlock();
-    const TimeNs begin = monotonic_ns();
-    const Status stored = store(block);
-    const TimeNs took = monotonic_ns() - begin;
-    disk_.add(took);
-    if (took > slow_disk_ns) spdlog::warn("the disk took {:.0f} ms for block {}", to_ms(took), block.number);
-    lock.lock();
-    if (stored) {
-      written_ = std::move(*to_write_);
+    work(lock);
+    if (no_room_) {
+      clock_wakes_.wait_for(lock, again_after, [&] { return stopping_; });
+      store(lock, std::move(*std::exchange(no_room_, std::nullopt)));
+    } else if (stopping_ && !busy_ && !writing_) {
+      return;
+    } else if (due_) {
+      clock_wakes_.wait_for(lock, std::chrono::nanoseconds(*due_ - monotonic_ns()));
     } else {
-      // The block stays in progress for ever: nothing is announced that is not on disk.
-      failed_ = true;
-      spdlog::error("the ledger stops: {}", stored.error().message);
-      if (on_failure_) on_failure_(stored.error().message);
+      clock_wakes_.wait(lock);
     }
-    to_write_.reset();
-    core_wakes_.notify_one();
   }
 }
 
 void Node::apply(const CutBlock& block) {
   const std::vector<WaiterAnswer> answers = core_->apply(block);
-  // Readers of blocks first: commands travel that way.
-  feed_->publish(block.number, block.bytes);
+  feed_->publish(block.number, block.bytes, block.writers);
   for (const WaiterAnswer& answer : answers) {
     if (on_answer_) on_answer_(answer.waiter, answer.status);
   }
@@ -319,14 +313,11 @@ void Node::apply(const CutBlock& block) {
 
 void Node::stop() {
   {
-    const std::lock_guard lock(mutex_);
+    const Lock lock(mutex_);
     stopping_ = true;
+    clock_wakes_.notify_one();
   }
-  core_wakes_.notify_one();
-  writer_wakes_.notify_one();
-  if (core_thread_.joinable()) core_thread_.join();
-  writer_thread_.request_stop();
-  if (writer_thread_.joinable()) writer_thread_.join();
+  if (clock_.joinable()) clock_.join();
 }
 
 }  // namespace ledgerline::node

@@ -38,9 +38,10 @@ std::string user_msp_dir(const std::string& dir, int organisation, const std::st
 
 inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
 
-/// The core with its two threads. The core thread alone touches the core; it takes tasks from two bounded queues and
-/// cuts blocks when they are due. The writer thread puts each block on disk, while the core goes on endorsing; then the
-/// core applies it, and readers and waiters hear of it.
+/// The core, worked by whoever brings a task: one thread at a time has the core, and does what others have brought
+/// meanwhile, from two bounded queues. Who has cut a block puts it on disk, while others may have the core, and then
+/// sends it to its readers. So nothing waits for a thread to wake up. The clock, a thread of the node's own, cuts
+/// blocks that are due by time, goes on with tasks whose thread is busy with a block, and waits where the disk is full.
 class Node {
  public:
   struct Options {
@@ -56,7 +57,8 @@ class Node {
   Node& operator=(const Node&) = delete;
 
   using Task = std::function<void(NodeCore&)>;
-  /// Any thread. In each turn requesters take turns. False: the queue is full, the task was not taken.
+  /// Any thread, which does the task before it returns unless another one has the core. In each turn requesters take
+  /// turns. False: the queue is full, the task was not taken.
   bool post(Task task, Turn turn = Turn::first, const Requester& requester = {});
   /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
   /// each open call at most. It comes behind what the requester has posted before.
@@ -75,13 +77,13 @@ class Node {
   BlockFeed& feed() { return *feed_; }
   const Identities& identities() const { return identities_; }
   const CoreConfig& config() const { return options_.core; }
-  /// Called once, on the core thread, for each answer to a waiter that a task left with NodeCore::watch. Set before
+  /// Called once, by who has the core, for each answer to a waiter that a task left with NodeCore::watch. Set before
   /// serving.
   void on_answer(std::function<void(std::uint64_t waiter, const TxStatus&)> handler);
   /// Called when the ledger cannot go on (the disk failed). Set before serving.
   void on_failure(std::function<void(const std::string&)> handler);
 
-  /// Stops the threads after the queued tasks and the block in progress.
+  /// Ends after the queued tasks and the block in progress. Nobody posts any more.
   void stop();
   NodeCore::Counts counts() const { return core_->counts(); }  ///< after stop()
   /// How long blocks took to be on disk; after stop().
@@ -96,11 +98,14 @@ class Node {
   Status enroll_first();
   Status submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg);
   Status commit_now(const CutBlock& block);
-  void run_core();
-  void run_writer(const std::stop_token& stop);
-  Status store(const CutBlock& block);
+  using Lock = std::unique_lock<std::mutex>;
+  // With the lock held, which they give up meanwhile:
+  bool has_work() const { return !tasks_.empty() || written_ || (due_ && *due_ <= monotonic_ns()); }
+  void work(Lock& lock);
+  void store(Lock& lock, CutBlock block);
+  void run_clock();
+  // By who has the core:
   void check_disk();
-  void start_writing(CutBlock block);
   void apply(const CutBlock& block);
 
   Options options_;
@@ -109,19 +114,22 @@ class Node {
   std::unique_ptr<BlockStore> store_;
   std::unique_ptr<BlockFeed> feed_;
   std::unique_ptr<NodeCore> core_;
-  Histogram disk_;  // of the writer thread
   std::function<void(std::uint64_t, const TxStatus&)> on_answer_;
-  std::function<void(const std::string&)> on_failure_;
+  TimeNs check_disk_ns_ = 0;  // of who has the core
 
   std::mutex mutex_;  // guards what follows
-  std::condition_variable core_wakes_;
-  std::condition_variable_any writer_wakes_;
+  std::condition_variable clock_wakes_;
   TaskQueue<Task> tasks_;
-  std::optional<CutBlock> to_write_, written_;  // the first stays until its block is on disk, or never will be
+  bool busy_ = false;                // somebody has the core
+  bool writing_ = false;             // a block is to be on disk
+  std::optional<CutBlock> no_room_;  // that one, while the disk is full
+  std::optional<CutBlock> written_;  // it is, and is to be applied
+  std::optional<TimeNs> due_;        // when the next block is cut, as of when somebody had the core last
   bool failed_ = false, stopping_ = false;
+  Histogram disk_;
+  std::function<void(const std::string&)> on_failure_;
 
-  std::thread core_thread_;
-  std::jthread writer_thread_;  // is to stop once the core's has ended
+  std::thread clock_;
 };
 
 }  // namespace ledgerline::node

@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <filesystem>
 #include <fstream>
+#include <latch>
 #include <thread>
 
 #include "chaincode/node/server/limit.hpp"
@@ -26,7 +27,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-/// Collects answers of the core's thread for the test's thread.
+/// Collects answers of those who have the core for the test's thread.
 template <typename T>
 class Inbox {
  public:
@@ -45,6 +46,30 @@ class Inbox {
   std::mutex mutex_;
   std::condition_variable arrived_;
   std::vector<T> items_;
+};
+
+/// A thread that has the core until this ends.
+class BusyThread {
+ public:
+  explicit BusyThread(Node& node)
+      : thread_([this, &node] {
+          node.post([this](NodeCore&) {
+            has_core_.count_down();
+            ends_.wait();
+          });
+        }) {
+    has_core_.wait();
+  }
+  ~BusyThread() {
+    ends_.count_down();
+    thread_.join();
+  }
+  BusyThread(const BusyThread&) = delete;
+  BusyThread& operator=(const BusyThread&) = delete;
+
+ private:
+  std::latch has_core_{1}, ends_{1};
+  std::thread thread_;
 };
 
 class ShellTest : public ::testing::Test {
@@ -114,7 +139,7 @@ class Reader final : public BlockFeed::Waiter, public std::enable_shared_from_th
   std::uint64_t next_ = 0;
 };
 
-// The feed's thread may hold a stream, and with it its place, when the service with its limit has ended.
+// Who wakes readers may hold a stream, and with it its place, when the service with its limit has ended.
 TEST(Limit, APlaceMayOutliveIt) {
   auto limit = std::make_unique<Limit>("service", 1);
   Limit::Slot place = limit->acquire();
@@ -165,6 +190,25 @@ TEST_F(ShellTest, CallsFromManyThreadsAllCommitAndReadersSeeEachBlockOnce) {
   }
   EXPECT_EQ(check.height(), height);
   EXPECT_EQ(transactions, 44U);
+}
+
+TEST_F(ShellTest, WhoBringsATaskDoesItAndEverythingThatFollows) {
+  const auto reader = std::make_shared<Reader>(node->feed());
+  reader->wake();
+  const std::uint64_t height = node->feed().height();
+  for (int i = 0; i < 3; ++i) submit(R"({"id":"tello1/a","msgType":"t"})");  // as many as fill a block
+  EXPECT_EQ(node->feed().height(), height + 1);
+  EXPECT_THAT(reader->blocks.wait_for(0), SizeIs(height + 1));
+}
+
+TEST_F(ShellTest, WhatComesWhileOthersHaveTheCoreIsDoneByThem) {
+  Inbox<std::thread::id> done;
+  {
+    const BusyThread busy(*node);
+    node->post([&](NodeCore&) { done.put(std::this_thread::get_id()); });
+    EXPECT_THAT(done.wait_for(0), SizeIs(0));
+  }
+  EXPECT_NE(done.wait_for(1)[0], std::this_thread::get_id());
 }
 
 TEST_F(ShellTest, WhatWasAnsweredIsThereAfterARestart) {
@@ -261,12 +305,11 @@ TEST_F(ShellTest, AnEmptyBlockFileBesideItsAnchorIsDamageAndNoNewLedger) {
 }
 
 TEST_F(ShellTest, TheQueueToTheCoreIsBounded) {
-  const auto gate = std::make_shared<std::mutex>();  // shared: the core's thread may leave it after this test has ended
-  gate->lock();
-  node->post([gate](NodeCore&) { const std::lock_guard wait(*gate); });
   std::size_t taken = 0;
-  while (taken < 100'000 && node->post([](NodeCore&) {})) ++taken;
-  gate->unlock();
+  {
+    const BusyThread busy(*node);
+    while (taken < 100'000 && node->post([](NodeCore&) {})) ++taken;
+  }
   EXPECT_LT(taken, 10'000U);
   EXPECT_GT(taken, 1'000U);
 }
@@ -295,17 +338,16 @@ TEST_F(ShellTest, WhoOnlyAsksComesLaterWhateverServiceBringsIt) {
 }
 
 TEST_F(ShellTest, QuestionsOfOneIdentityKeepNoOtherWaiting) {
-  const auto gate = std::make_shared<std::mutex>();
-  gate->lock();
-  node->post([gate](NodeCore&) { const std::lock_guard wait(*gate); });
   Inbox<std::string> done;
   const auto ask = [&](const std::string& msp_id, const std::string& who) {
     node->post([&done, who](NodeCore&) { done.put(who); }, Turn::later, {msp_id, who});
   };
-  for (int i = 0; i < 100; ++i) ask("Org3MSP", "sybil" + std::to_string(i % 50));
-  ask("Org1MSP", "pilot");
-  node->post([&done](NodeCore&) { done.put("stop"); });
-  gate->unlock();
+  {
+    const BusyThread busy(*node);
+    for (int i = 0; i < 100; ++i) ask("Org3MSP", "sybil" + std::to_string(i % 50));
+    ask("Org1MSP", "pilot");
+    node->post([&done](NodeCore&) { done.put("stop"); });
+  }
   const auto order = done.wait_for(102);
   EXPECT_EQ(order[0], "stop");
   EXPECT_LE(std::ranges::find(order, "pilot") - order.begin(), 2);
