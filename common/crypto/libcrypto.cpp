@@ -30,42 +30,53 @@ std::string with_low_s(const unsigned char* der, std::size_t size, Curve curve) 
   return encode_signature(signature, curve);
 }
 
+/// A context of a key's own, which libcrypto takes long to look up, is copied for each signature. Any thread may.
+MdContextPtr copy_of(const MdContextPtr& prepared) {
+  MdContextPtr context(EVP_MD_CTX_new());
+  if (!context || EVP_MD_CTX_copy_ex(context.get(), prepared.get()) != 1) return nullptr;
+  return context;
+}
+
 class LibcryptoSigner final : public Signer {
  public:
-  LibcryptoSigner(KeyPtr key, Curve curve) : key_(std::move(key)), curve_(curve) {}
+  LibcryptoSigner(const KeyPtr& key, Curve curve) : prepared_(EVP_MD_CTX_new()), curve_(curve) {
+    if (prepared_ && EVP_DigestSignInit(prepared_.get(), nullptr, EVP_sha256(), nullptr, key.get()) != 1)
+      prepared_.reset();
+  }
 
   Result<std::string> sign(std::string_view message) const override {
-    const MdContextPtr context(EVP_MD_CTX_new());
+    const MdContextPtr context = prepared_ ? copy_of(prepared_) : nullptr;
     unsigned char der[112];
     std::size_t size = sizeof der;
-    if (!context || EVP_DigestSignInit(context.get(), nullptr, EVP_sha256(), nullptr, key_.get()) != 1 ||
-        EVP_DigestSign(context.get(), der, &size, bytes_of(message), message.size()) != 1) {
+    if (!context || EVP_DigestSign(context.get(), der, &size, bytes_of(message), message.size()) != 1) {
       return Error{"libcrypto cannot sign: " + openssl_error()};
     }
     return with_low_s(der, size, curve_);
   }
 
  private:
-  KeyPtr key_;
+  MdContextPtr prepared_;
   Curve curve_;
 };
 
 class LibcryptoVerifier final : public Verifier {
  public:
-  LibcryptoVerifier(KeyPtr key, Curve curve) : key_(std::move(key)), curve_(curve) {}
+  LibcryptoVerifier(const KeyPtr& key, Curve curve) : prepared_(EVP_MD_CTX_new()), curve_(curve) {
+    if (prepared_ && EVP_DigestVerifyInit(prepared_.get(), nullptr, EVP_sha256(), nullptr, key.get()) != 1)
+      prepared_.reset();
+  }
 
   bool verify(std::string_view message, std::string_view der) const override {
     if (!decode_signature(der, curve_)) return false;
-    const MdContextPtr context(EVP_MD_CTX_new());
+    const MdContextPtr context = prepared_ ? copy_of(prepared_) : nullptr;
     const bool good =
-        context && EVP_DigestVerifyInit(context.get(), nullptr, EVP_sha256(), nullptr, key_.get()) == 1 &&
-        EVP_DigestVerify(context.get(), bytes_of(der), der.size(), bytes_of(message), message.size()) == 1;
+        context && EVP_DigestVerify(context.get(), bytes_of(der), der.size(), bytes_of(message), message.size()) == 1;
     if (!good) ERR_clear_error();
     return good;
   }
 
  private:
-  KeyPtr key_;
+  MdContextPtr prepared_;
   Curve curve_;
 };
 
@@ -76,7 +87,7 @@ Result<std::unique_ptr<Signer>> make_libcrypto_signer(const std::string& pem_key
   if (!key) return Error{"not a private key in PEM: " + openssl_error()};
   const auto curve = curve_of(key.get());
   if (!curve) return Error{"the private key is on neither of the curves P-256 and P-384"};
-  return std::unique_ptr<Signer>(std::make_unique<LibcryptoSigner>(std::move(key), *curve));
+  return std::unique_ptr<Signer>(std::make_unique<LibcryptoSigner>(key, *curve));
 }
 
 Result<std::unique_ptr<Verifier>> make_libcrypto_verifier(X509* certificate) {
@@ -84,7 +95,7 @@ Result<std::unique_ptr<Verifier>> make_libcrypto_verifier(X509* certificate) {
   if (!key) return Error{"the certificate has no usable key: " + openssl_error()};
   const auto curve = curve_of(key.get());
   if (!curve) return other_curve;
-  return std::unique_ptr<Verifier>(std::make_unique<LibcryptoVerifier>(std::move(key), *curve));
+  return std::unique_ptr<Verifier>(std::make_unique<LibcryptoVerifier>(key, *curve));
 }
 
 Result<PublicPoint> public_point(X509* certificate) {
