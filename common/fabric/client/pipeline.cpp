@@ -1,6 +1,7 @@
 #include "common/fabric/client/pipeline.hpp"
 
 #include <fmt/format.h>
+#include <grpc/support/time.h>
 #include <pthread.h>
 
 #include <algorithm>
@@ -59,7 +60,9 @@ Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
                                const std::string& why) { finish(pending_of<Pending>(request), kind, why); }}) {
   renew_channels();
   connection_->commits->on_update([this] {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
+    if (!must_wake()) return;
+    lock.unlock();
     wake();
   });
   thread_ = std::thread([this] { run(); });
@@ -68,9 +71,11 @@ Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
 Pipeline::~Pipeline() {
   connection_->commits->on_update({});
   {
-    const std::lock_guard lock(mutex_);
-    wake();
+    std::unique_lock lock(mutex_);
+    const bool wakes = must_wake();
     stopping_ = true;
+    lock.unlock();
+    if (wakes) wake();
   }
   thread_.join();
 }
@@ -85,19 +90,20 @@ void Pipeline::renew_channels() {
 }
 
 void Pipeline::wake() {
-  if (woken_ || stopping_) return;
-  woken_ = true;
   auto alarm = std::make_shared<grpc::Alarm>();
-  alarm->Set(&queue_, std::chrono::system_clock::now(), new QueueTag([this, alarm](bool) { read_inbox(); }));
+  // In the past: at once, from this thread. A deadline that is now waits for gRPC's timer, which has milliseconds.
+  alarm->Set(&queue_, ::gpr_inf_past(GPR_CLOCK_REALTIME), new QueueTag([this, alarm](bool) { read_inbox(); }));
 }
 
 void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
   {
-    const std::lock_guard lock(mutex_);
+    std::unique_lock lock(mutex_);
     if (!stopping_) {
       inbox_.push_back(
           {std::move(call), std::move(done), std::chrono::system_clock::now() + connection_->config.deadline});
-      wake();
+      const bool wakes = must_wake();
+      lock.unlock();
+      if (wakes) wake();
       return;
     }
   }

@@ -62,7 +62,9 @@ class Pipeline {
   };
 
   void run();
-  /// Has the thread read the inbox. With mutex_ held.
+  /// With mutex_ held: whether the thread is to be woken, by wake() behind the mutex, which it takes at once.
+  bool must_wake() { return !stopping_ && !std::exchange(woken_, true); }
+  /// Has the thread read the inbox.
   void wake();
   void read_inbox();
   void read_commits();
