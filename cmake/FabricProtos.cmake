@@ -70,6 +70,6 @@ if(LEDGERLINE_NETWORK_PARTS)
       --plugin=protoc-gen-grpc=${GRPC_CPP_PLUGIN} --grpc_out=${GENERATED} ${service_protos}
     DEPENDS ${FABRIC_DESC} ${WKT_DESC})
   add_library(fabric_grpc STATIC ${service_sources})
-  target_link_libraries(fabric_grpc PUBLIC fabric_protos gRPC::grpc++)
+  target_link_libraries(fabric_grpc PUBLIC fabric_protos gRPC::grpc++ absl::synchronization)
   target_compile_options(fabric_grpc PRIVATE -w ${GENERATED_OPTIONS})
 endif()

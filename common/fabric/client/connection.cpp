@@ -14,6 +14,7 @@
 #include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
+#include "common/fabric/tls/grpc_locks.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "gateway/gateway.pb.h"
@@ -30,6 +31,7 @@ constexpr int first_reconnect_ms = 50, max_reconnect_ms = 1'000, connect_timeout
 constexpr TimeNs renew_again_ns = 1 * ns_per_s;
 // As Fabric's own clients: a block may hold an envelope of many megabytes.
 constexpr int max_message_bytes = 100 * 1024 * 1024;
+constexpr int window_bytes = 1024 * 1024;  // of a stream: a chain that is caught up with over a long way
 
 // Names are looked up as all of this host's programs do it (nsswitch.conf: mDNS, LDAP, /etc/hosts), and not by gRPC's
 // own resolver, which asks DNS alone. gRPC reads this once, before any channel is made; a user's own choice counts.
@@ -84,6 +86,9 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, first_reconnect_ms);
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, connect_timeout_ms);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, max_reconnect_ms);
+  // Its pings, which size the window, would answer each message and wake both ends.
+  arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+  arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, window_bytes);
   arguments.SetMaxReceiveMessageSize(max_message_bytes);
   arguments.SetMaxSendMessageSize(max_message_bytes);
   // A ledger is reached by nobody's web proxy, whatever https_proxy says.
@@ -96,6 +101,7 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
 
 Result<std::shared_ptr<const GrpcChannels>> make_channels(const ClientConfig& config) {
   using Servers = std::vector<ClientConfig::Server>;
+  take_locks_at_once();
   auto channels = std::make_shared<GrpcChannels>();
   const TlsPairsInUse* const in_use = config.tls_in_use.get();
   const auto connect = [&](const Servers& servers, std::vector<std::shared_ptr<grpc::Channel>>& into) -> Status {

@@ -6,6 +6,7 @@
 
 #include "common/base/text.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/tls/grpc_locks.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -15,10 +16,12 @@ constexpr int keepalive_timeout_ms = 20'000;
 Result<TlsServer> serve(const TlsEndpoint& at, const std::shared_ptr<grpc::ServerCredentials>& credentials,
                         const std::vector<grpc::Service*>& services) {
   if (Status s = check_endpoint(at.listen, 0); !s) return Error{"cannot listen on " + s.error().message};
+  take_locks_at_once();
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(at.listen, credentials, &port);
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);  // two on one port would share its calls in silence
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);  // its pings would answer each message
   builder.SetMaxReceiveMessageSize(at.max_request_bytes);
   builder.SetMaxSendMessageSize(-1);
   if (at.max_memory_bytes > 0) builder.SetResourceQuota(grpc::ResourceQuota(at.name).Resize(at.max_memory_bytes));
