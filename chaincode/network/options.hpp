@@ -6,8 +6,8 @@
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
-#include "common/process/children.hpp"
 #include "common/rt/clock.hpp"
+#include "common/rt/scheduling.hpp"
 
 namespace ledgerline::network {
 

@@ -3,10 +3,8 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
-#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -57,9 +55,6 @@ constexpr std::size_t max_line = 1 << 20;
   (void)!::write(2, why, std::strlen(why));
   _exit(127);
 }
-
-constexpr int lowest = 19;
-constexpr unsigned slice_ns = 100'000;
 
 }  // namespace
 
@@ -250,18 +245,6 @@ std::string Children::log_tail(const std::string& name, int lines) const {
   std::string text;
   for (const auto& line : last) text += "  " + line + "\n";
   return text;
-}
-
-bool enter_scheduling(Scheduling scheduling) noexcept {
-  if (scheduling == Scheduling::inherited) return true;
-  errno = 0;
-  const int nice = ::getpriority(PRIO_PROCESS, 0);  // -1 is a good answer, too
-  if (nice == -1 && errno != 0) return false;
-  SchedulingAttributes attributes;
-  attributes.policy = scheduling == Scheduling::background ? SCHED_BATCH : SCHED_OTHER;
-  attributes.nice = scheduling == Scheduling::background ? lowest : nice;
-  attributes.runtime = scheduling == Scheduling::short_slices ? slice_ns : 0;  // 0: the kernel's own
-  return ::syscall(SYS_sched_setattr, 0, &attributes, 0) == 0;
 }
 
 std::string find_program(std::string_view name, std::string_view also_in) {

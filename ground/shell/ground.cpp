@@ -10,6 +10,7 @@
 #include "common/fabric/client/submit_repeatedly.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/retry.hpp"
+#include "common/rt/scheduling.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {
@@ -300,6 +301,7 @@ void Ground::report_requests(const std::vector<PilotCommand>& commands) {
 
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
   flying_ = true;
+  (void)enter_scheduling(Scheduling::short_slices);  // it is well enough without
   if (operators_) operators_->await_all(monotonic_ns());
   TimeNs leave_ns = 0;
   while (!view_.done()) {

@@ -8,6 +8,7 @@
 
 #include "common/base/log.hpp"
 #include "common/rt/retry.hpp"
+#include "common/rt/scheduling.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -82,6 +83,7 @@ Status Agent::reach_channels() {
 // Drones fly from here on, whatever is still waited for.
 void Agent::begin() {
   if (std::exchange(is_begun_, true)) return;
+  (void)enter_scheduling(Scheduling::short_slices);  // it is well enough without
   raise_priority(settings_.priority, "the main loop");
   if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().message);
 }

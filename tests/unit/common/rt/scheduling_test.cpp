@@ -1,4 +1,4 @@
-#include "common/process/children.hpp"
+#include "common/rt/scheduling.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>
