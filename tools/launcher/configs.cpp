@@ -314,10 +314,13 @@ LedgerAccess follower_access(const RunFiles& files, const Options& options, cons
   LedgerAccess access =
       access_of(files, endpoint_of(proxied, program, endpoints.endpoint), program == "agent" ? 1 : 2, "User1");
   access.timeouts = deployment::timeout_with(both_ways(options));
+  const std::string orderers_ca =
+      options.ledger == Ledger::fabric
+          ? files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem")
+          : tls_ca(files, 1);
   for (std::size_t i = 0; !options.gateway && i < endpoints.orderers.size(); ++i)
     access.orderers.push_back(
-        {"", endpoint_of(proxied, orderer_name(program, i), endpoints.orderers[i]), "",
-         files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem")});
+        {"", endpoint_of(proxied, orderer_name(program, i), endpoints.orderers[i]), "", orderers_ca});
   if (!endpoints.own_endorser.empty() && !(options.endorser_within && program == "agent"))
     access.endorsers.push_back(
         endorser_of(files, 1, endpoint_of(proxied, own_endorser_name(program), endpoints.own_endorser)));

@@ -121,13 +121,15 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
       .shows_default()
       .in_help_all();
   line.flag("--ca", o.ca, "Fabric: identities from fabric-ca, one server an organisation").in_help_all();
-  line.flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path")
+  line.flag("--gateway", o.gateway, "Transactions through the ledger's gateway instead of the direct path")
       .in_help_all();
   line.flag("--endorser", o.endorser,
             "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone")
       .in_help_all();
-  line.flag("--endorser-within", o.endorser_within,
-            "The same within agent, which holds that key then, and serves ground (docs/fabric.md)")
+  line.flag(
+          "--endorser-within", o.endorser_within,
+          "The same within agent, which holds that key then, and serves ground (docs/fabric.md); the embedded ledger's "
+          "way, but with --gateway")
       .in_help_all();
   line.option("--blocks", o.blocks,
               "Whose blocks agent and ground take: the own peer's, or an orderer's as soon as they are validated")
@@ -251,9 +253,9 @@ Status check_together(const CommandLine& line, const Options& o) {
       {"--approvals", different(o.operators) >= static_cast<std::size_t>(o.approvals),
        "2 needs two different --operators: nobody else approves"},
       {"--endorser", fabric && !o.gateway,
-       "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
-      {"--endorser-within", fabric && !o.gateway && !o.endorser,
-       "goes with --ledger fabric and the direct path, in place of --endorser"},
+       "goes with --ledger fabric and the direct path: on the embedded ledger agent endorses"},
+      {"--endorser-within", ledger && !o.gateway && !o.endorser,
+       "goes with a ledger and the direct path, in place of --endorser"},
       {"--storage", !others, of_others},
       {"--blocks", !others, of_others},
       {"--ca", !others, of_others},
@@ -265,7 +267,7 @@ Status check_together(const CommandLine& line, const Options& o) {
       {"--seed", !o.own, "is the simulator's, and none is started for a deployment's own drones"},
       {"--pose", !o.own && o.pads.empty(), "goes with simulated drones, and not with --pads, which says it too"},
       {"--pads", !o.own, "lie on the simulator's floor: a deployment names its own as [[pad]]"},
-      {"--gateway", fabric, "goes with --ledger fabric: the embedded ledger is one process"},
+      {"--gateway", ledger, of_a_ledger},
       {"--laps", !o.manual, "goes with a path: a manual flight lasts until Ctrl-C, or for --seconds"},
       {"--predict", !o.manual, of_a_path},
       {"--side", !o.manual, of_a_path},
@@ -397,6 +399,7 @@ void take(const Words& words, Options& o) {
   }
   if (!words.max_age.empty()) o.max_age_ns = *parse_duration(words.max_age);
   o.ledger = deployment::ledger_kind_of(words.ledger);
+  o.endorser_within = o.endorser_within || (o.ledger == Ledger::embedded && !o.gateway);
   o.tmpfs = words.storage == "tmpfs";
   if (!o.controller.empty()) o.controller = std::filesystem::absolute(o.controller);
   o.batch_timeout_ns = *parse_duration(words.batch_timeout);

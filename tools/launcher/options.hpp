@@ -46,9 +46,9 @@ struct Options {
   int orderers = 1;              ///< of Fabric: 1 or 3
   bool tmpfs = false;            ///< the ledger in memory, gone after the flight
   bool ca = false;               ///< Fabric's identities come from fabric-ca
-  bool gateway = false;          ///< Fabric: transactions through the gateway, not the direct path
+  bool gateway = false;          ///< transactions through the gateway, not the direct path
   bool endorser = false;         ///< Fabric: the drones' organisation has an endorser of its own beside its peer
-  bool endorser_within = false;  ///< the same within agent, which serves ground, too
+  bool endorser_within = false;  ///< the same within agent, which serves ground, too; the embedded ledger's way
   std::string blocks = "peer";   ///< agent's and ground's ledger.blocks
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;

@@ -89,8 +89,10 @@ int main(int argc, char** argv) {
   ledger.on_failure([](const std::string&) { ::kill(::getpid(), SIGUSR1); });
   auto server = node::Server::start(ledger, listen, std::move(*authorities));
   if (!server) return fail(server.error());
-  print_line(
-      nlohmann::json{{"ready", true}, {"endpoint", (*server)->endpoint()}, {"peers", (*server)->endpoints()}}.dump());
+  const std::string endpoint = (*server)->endpoint();
+  print_line(nlohmann::json{
+      {"ready", true}, {"endpoint", endpoint}, {"peers", (*server)->endpoints()}, {"orderers", {endpoint}}}
+                 .dump());
 
   int signal = 0;
   sigwait(&signals, &signal);
