@@ -152,7 +152,7 @@ Status EndorserCore::apply(const fabric::Block& block, std::string_view raw) {
   return done;
 }
 
-node::Reply EndorserCore::process_proposal(std::string_view signed_proposal, node::Now now) {
+node::Reply EndorserCore::process_proposal(std::string_view signed_proposal, node::Now now, bool own) {
   if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
     return refer_to_peer("the endorser's own certificate has expired");
   if (!role_) return refer_to_peer("no endorsement of this endorser counts: " + role_.error().message);
@@ -162,7 +162,7 @@ node::Reply EndorserCore::process_proposal(std::string_view signed_proposal, nod
       read->proposal.contract != setup_.where.contract)
     return refer_to_peer(for_its_contract_alone);
   asks_for_blocks_ = false;
-  node::Reply reply = endorser_.process_proposal(std::move(*read), now, 0);
+  node::Reply reply = endorser_.process_proposal(std::move(*read), now, 0, own);
   if (asks_for_blocks_) return refer_to_peer("the endorser keeps no blocks: a peer answers that");
   return reply;
 }

@@ -66,8 +66,8 @@ class EndorserCore {
 
   /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, other contracts and
   /// channels) is `unavailable`, as everything is once the own certificate has expired or is revoked: clients then ask
-  /// the peer.
-  node::Reply process_proposal(std::string_view signed_proposal, node::Now now);
+  /// the peer. `own`: this process has signed the proposal.
+  node::Reply process_proposal(std::string_view signed_proposal, node::Now now, bool own = false);
 
  private:
   std::optional<node::Definition> read_definition() const;

@@ -311,7 +311,7 @@ node::Reply Service::process_locked(const std::string& signed_proposal, Caller c
     return {node::Code::unavailable, ready.error().message, ready.error().message, {}};
   }
   renewed = apply_renewed_identity();
-  node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()});
+  node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()}, caller == Caller::own);
   if (reply.code == node::Code::unavailable) {
     ++counts_.sent_to_the_peer;
     return reply;

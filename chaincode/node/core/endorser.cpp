@@ -130,7 +130,8 @@ std::optional<std::string> Endorser::over_share(const Simulation& simulation, co
          ": delete some of them";
 }
 
-std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Result<SignedProposalParts> read, Now now) {
+std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Result<SignedProposalParts> read, Now now,
+                                                                           bool own) {
   if (!read) return Unanswered{Kind::malformed, read.error().message};
   ProposalParts* const proposal = &read->proposal;
   // Of the peer's own contracts some are asked without a channel.
@@ -139,7 +140,9 @@ std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Resul
     return Unanswered{Kind::unknown_channel,
                       "channel '" + printable(proposal->channel_header.channel_id(), max_name) + "' not found"};
   }
-  auto member = members_.check(proposal->signature_header.creator(), read->proposal_bytes, read->signature, now);
+  const std::string& creator = proposal->signature_header.creator();
+  auto member =
+      own ? members_.check_own(creator, now) : members_.check(creator, read->proposal_bytes, read->signature, now);
   if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().message};
   if (auto answer = query_system_contract(ledger_, config_.channel, *proposal))
     return Simulated{std::move(*proposal), std::move(*answer), {}};
@@ -213,8 +216,8 @@ Reply Endorser::process_proposal(std::string_view signed_proposal, Now now, std:
   return reply_of_peer(simulate(read_signed_proposal(signed_proposal), now), peer);
 }
 
-Reply Endorser::process_proposal(SignedProposalParts signed_proposal, Now now, std::size_t peer) {
-  return reply_of_peer(simulate(std::move(signed_proposal), now), peer);
+Reply Endorser::process_proposal(SignedProposalParts signed_proposal, Now now, std::size_t peer, bool own) {
+  return reply_of_peer(simulate(std::move(signed_proposal), now, own), peer);
 }
 
 Reply Endorser::reply_of_peer(const std::variant<Simulated, Unanswered>& answer, std::size_t peer) const {

@@ -50,15 +50,15 @@ class Endorser {
   Reply endorse(std::string_view signed_proposal, Now now);
   Reply evaluate(std::string_view signed_proposal, Now now);
   Reply process_proposal(std::string_view signed_proposal, Now now, std::size_t peer);
-  /// For who has read it already.
-  Reply process_proposal(SignedProposalParts signed_proposal, Now now, std::size_t peer);
+  /// For who has read it already. `own`: this process has signed it, so its signature is not checked.
+  Reply process_proposal(SignedProposalParts signed_proposal, Now now, std::size_t peer, bool own);
 
  private:
   /// Why a proposal got no answer of the contract. The services give these different codes.
   enum class Kind { malformed, denied, unknown_channel, unknown_contract, duplicate };
   struct Simulated;
   struct Unanswered;
-  std::variant<Simulated, Unanswered> simulate(Result<SignedProposalParts> read, Now now);
+  std::variant<Simulated, Unanswered> simulate(Result<SignedProposalParts> read, Now now, bool own = false);
   std::optional<std::string> over_share(const Simulation& simulation, const std::string& function,
                                         const std::string& msp_id) const;
   Reply reply_of_peer(const std::variant<Simulated, Unanswered>& answer, std::size_t peer) const;

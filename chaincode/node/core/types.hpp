@@ -77,6 +77,8 @@ class MemberCheck {
   Result<std::shared_ptr<const crypto::MspRegistry::Member>> check(std::string_view serialized,
                                                                    std::string_view message, std::string_view signature,
                                                                    Now now) const;
+  /// The same of what this process itself has signed.
+  Result<std::shared_ptr<const crypto::MspRegistry::Member>> check_own(std::string_view serialized, Now now) const;
 
  private:
   std::shared_ptr<crypto::MspRegistry> registry_;
