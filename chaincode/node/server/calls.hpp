@@ -78,7 +78,8 @@ grpc::ServerUnaryReactor* answer_on_core(Node& node, ServiceLimits& limits, grpc
     (void)slot;  // held until the task is done
     reactor->Finish(work(core, *request));
   };
-  if (!node.post(task, priority.turn, priority.requester)) reactor->Finish(overloaded());
+  // The answer of a unary call leaves when this returns.
+  if (!node.post(task, priority.turn, priority.requester, Node::Stay::briefly)) reactor->Finish(overloaded());
   return reactor;
 }
 

@@ -13,7 +13,7 @@ namespace {
 /// keep nobody from endorsing.
 constexpr int max_gateway_calls = 500, max_gateway_waiting = 2500;
 
-/// One CommitStatus call that waits for its transaction. Once the core knows of it, it is finished by who has that.
+/// One CommitStatus call that waits for its transaction. Once the core knows of it, whoever has the core finishes it.
 class CommitWaiter final : public grpc::ServerUnaryReactor {
  public:
   CommitWaiter(Limit::Slot slot, std::function<void()> on_cancel)
@@ -113,7 +113,7 @@ class GatewayService final : public RawGateway {
     const auto begin_waiting = [this, id, reactor, request, signed_request, response](NodeCore& core) {
       begin(core, id, reactor, request, signed_request, response);
     };
-    const bool taken = node_.post(begin_waiting, Turn::first, requester);
+    const bool taken = node_.post(begin_waiting, Turn::first, requester, Node::Stay::briefly);
     if (!taken) reactor->Finish(overloaded());
     return reactor;
   }

@@ -17,7 +17,7 @@ class Limit {
   Limit(std::string service, int max_open) : service_(std::move(service)), max_open_(max_open) {}
 
   /// Held until the last copy is gone; nullptr when all are taken. A place may outlive the limit: whatever thread has a
-  /// stream last ends it, the block feed's, too.
+  /// stream last ends it.
   Slot acquire() {
     if (open_->fetch_add(1) < max_open_) return {open_.get(), [open = open_](void*) { --*open; }};
     --*open_;

@@ -39,7 +39,7 @@ class BlockFeed {
     /// MSP id of who reads; empty: no matter.
     virtual std::string organisation() const { return {}; }
   };
-  /// A wake in any case, with the next wake_readers(): for the first look, for which who has the core has no time.
+  /// A wake in any case, with the next wake_readers(): for the first look, which may take long.
   void wake_soon(std::weak_ptr<Waiter> waiter);
   /// False: the block is there already, no wake will come.
   bool wait(std::uint64_t number, std::weak_ptr<Waiter> waiter);
@@ -47,8 +47,8 @@ class BlockFeed {
   /// After the block with this number is on disk and applied; in order. `writers`: MSP ids of who has sent it, whose
   /// readers come last, since they know what is in it.
   void publish(std::uint64_t number, std::string bytes, std::set<std::string> writers);
-  /// Whether wake_readers() has somebody to wake, who may take long: not while one has the core.
   bool has_news() const;
+  /// Where there is news. Not while one has the core: readers may take long.
   void wake_readers();
   /// At start: blocks that are on disk already.
   void start_at(std::uint64_t height);

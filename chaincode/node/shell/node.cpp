@@ -22,6 +22,8 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr TimeNs slow_disk_ns = 100 * ns_per_ms;  // everybody waits that long: worth a line in the log
+constexpr TimeNs full_disk_pause_ns = 100 * ns_per_ms;
+constexpr TimeNs max_stay_ns = 2 * ns_per_ms;  // of two threads that read what comes: the other one may store a block
 
 }  // namespace
 
@@ -182,18 +184,18 @@ Requester Node::sender_of(const common::Envelope& envelope) const {
   return requester_of(header.creator());
 }
 
-bool Node::post(Task task, Turn turn, const Requester& requester) {
+bool Node::post(Task task, Turn turn, const Requester& requester, Stay stay) {
   Lock lock(mutex_);
   if (tasks_.is_full(turn) || stopping_) return false;
   tasks_.push(turn, requester, std::move(task));
-  work(lock);
+  work(lock, stay);
   return true;
 }
 
 void Node::post_always(Task task, const Requester& requester) {
   Lock lock(mutex_);
   tasks_.push(Turn::first, requester, std::move(task));
-  work(lock);
+  work(lock, Stay::briefly);
 }
 
 void Node::on_answer(std::function<void(std::uint64_t, const TxStatus&)> handler) {
@@ -205,9 +207,17 @@ void Node::on_failure(std::function<void(const std::string&)> handler) {
   on_failure_ = std::move(handler);
 }
 
-void Node::work(Lock& lock) {
+void Node::work(Lock& lock, Stay stay) {
+  const bool briefly = stay == Stay::briefly;
+  work(lock, briefly ? 0 : monotonic_ns() + max_stay_ns, !briefly);
+  if (to_store_ || (!busy_ && has_work())) clock_wakes_.notify_one();
+}
+
+/// One step at least, where the core is free.
+void Node::work(Lock& lock, TimeNs until_ns, bool stores) {
   while (!busy_ && has_work()) {
     busy_ = true;
+    due_.reset();
     const std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
     Task task;
     if (!tasks_.empty()) task = tasks_.pop();
@@ -221,16 +231,21 @@ void Node::work(Lock& lock) {
     const bool has_readers = feed_->has_news();
     lock.lock();
     busy_ = false;
-    const bool sooner = due && due != due_;
     due_ = due;
-    // It goes on where this thread leaves work behind for a while.
-    if (stopping_ || sooner || ((block || has_readers) && has_work())) clock_wakes_.notify_one();
+    if (block) writing_ = true;
+    // The clock waits for what is due, and does what this thread leaves behind while it is busy with a block.
+    if (stopping_ || due || ((block || has_readers) && has_work())) clock_wakes_.notify_one();
     if (has_readers) {
       lock.unlock();
       feed_->wake_readers();
       lock.lock();
     }
-    if (block) store(lock, std::move(*block));
+    if (block && stores)
+      store(lock, std::move(*block));
+    else if (block)
+      to_store_ = std::move(block);
+    const bool has_stored = stores && written_;
+    if (monotonic_ns() >= until_ns && !has_stored) return;
   }
 }
 
@@ -252,24 +267,25 @@ void Node::check_disk() {
   }
 }
 
-/// Nothing is announced that is not on disk. What a full one has no room for the clock tries again.
+/// Nothing is announced that is not on disk. What finds no room there the clock tries again.
 void Node::store(Lock& lock, CutBlock block) {
-  LEDGERLINE_CHECK(!written_, "one block is in progress at most", block.number);
-  const bool waited = std::exchange(writing_, true);
+  LEDGERLINE_CHECK(writing_ && !written_, "one block is in progress at most", block.number);
+  const bool again = std::exchange(store_at_ns_, 0) != 0;
   lock.unlock();
-  if (!block.warning.empty() && !waited)
+  if (!block.warning.empty() && !again)
     spdlog::warn("block {} is without the orderer's signature: {}", block.number, block.warning);
   const TimeNs begin = monotonic_ns();
   const Status stored = store_->append(block.bytes);
   const TimeNs took = monotonic_ns() - begin;
   if (took > slow_disk_ns) spdlog::warn("the disk took {:.0f} ms for block {}", to_ms(took), block.number);
   lock.lock();
+  if (!stored) clock_wakes_.notify_one();
   if (!stored && store_->full() && !stopping_) {
-    if (!waited)
+    if (!again)
       spdlog::error("block {} waits for room on the disk, and nothing is confirmed meanwhile: {}", block.number,
                     stored.error().message);
-    no_room_ = std::move(block);
-    clock_wakes_.notify_one();
+    to_store_ = std::move(block);
+    store_at_ns_ = monotonic_ns() + full_disk_pause_ns;
     return;
   }
   writing_ = false;
@@ -285,20 +301,23 @@ void Node::store(Lock& lock, CutBlock block) {
 }
 
 void Node::run_clock() {
-  constexpr std::chrono::milliseconds again_after{100};
   ::pthread_setname_np(::pthread_self(), "clock");
   Lock lock(mutex_);
   for (;;) {
-    work(lock);
-    if (no_room_) {
-      clock_wakes_.wait_for(lock, again_after, [&] { return stopping_; });
-      store(lock, std::move(*std::exchange(no_room_, std::nullopt)));
+    const TimeNs now = monotonic_ns();
+    if (to_store_ && (stopping_ || now >= store_at_ns_)) {
+      store(lock, std::move(*std::exchange(to_store_, std::nullopt)));
+    } else if (!busy_ && has_work()) {
+      work(lock, now + max_stay_ns, true);
     } else if (stopping_ && !busy_ && !writing_) {
       return;
-    } else if (due_) {
-      clock_wakes_.wait_for(lock, std::chrono::nanoseconds(*due_ - monotonic_ns()));
     } else {
-      clock_wakes_.wait(lock);
+      std::optional<TimeNs> until = due_;
+      if (to_store_) until = std::min(until.value_or(store_at_ns_), store_at_ns_);
+      if (until)
+        clock_wakes_.wait_for(lock, std::chrono::nanoseconds(*until - now));
+      else
+        clock_wakes_.wait(lock);
     }
   }
 }

@@ -38,10 +38,10 @@ std::string user_msp_dir(const std::string& dir, int organisation, const std::st
 
 inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
 
-/// The core, worked by whoever brings a task: one thread at a time has the core, and does what others have brought
-/// meanwhile, from two bounded queues. Who has cut a block puts it on disk, while others may have the core, and then
-/// sends it to its readers. So nothing waits for a thread to wake up. The clock, a thread of the node's own, cuts
-/// blocks that are due by time, goes on with tasks whose thread is busy with a block, and waits where the disk is full.
+/// The core, worked by whoever brings a task, so that nothing waits for a thread to wake up: one thread at a time has
+/// the core, and does what others have brought meanwhile, from two bounded queues. It puts the block that it has cut on
+/// disk, while others may have the core, and then sends it to its readers. The clock, a thread of the node's own, cuts
+/// blocks that are due by time, does what others leave, and tries a full disk again.
 class Node {
  public:
   struct Options {
@@ -50,16 +50,21 @@ class Node {
     std::vector<std::string> drones{};      ///< that a new ledger enrolls; none: tello1 to tello16
     std::uint64_t kept_bytes = 64'000'000;  ///< of the disk, for what is urgent; of a small one a thirty-second
   };
-  /// Opens or makes everything under dir, replays the ledger, enrolls who comes with a new one, starts the threads.
+  /// Opens or makes everything under dir, replays the ledger, enrolls who comes with a new one, starts the clock.
   static Result<std::unique_ptr<Node>> open(Options options);
   ~Node();
   Node(const Node&) = delete;
   Node& operator=(const Node&) = delete;
 
   using Task = std::function<void(NodeCore&)>;
+  /// What the thread that brings a task does once it has the core.
+  enum class Stay {
+    briefly,     ///< one task, as where an answer leaves only when the thread returns; the clock does the rest
+    long_enough  ///< what it finds, for some milliseconds at most, and the block that it cuts
+  };
   /// Any thread, which does the task before it returns unless another one has the core. In each turn requesters take
   /// turns. False: the queue is full, the task was not taken.
-  bool post(Task task, Turn turn = Turn::first, const Requester& requester = {});
+  bool post(Task task, Turn turn = Turn::first, const Requester& requester = {}, Stay stay = Stay::long_enough);
   /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
   /// each open call at most. It comes behind what the requester has posted before.
   void post_always(Task task, const Requester& requester = {});
@@ -99,9 +104,10 @@ class Node {
   Status submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg);
   Status commit_now(const CutBlock& block);
   using Lock = std::unique_lock<std::mutex>;
-  // With the lock held, which they give up meanwhile:
   bool has_work() const { return !tasks_.empty() || written_ || (due_ && *due_ <= monotonic_ns()); }
-  void work(Lock& lock);
+  // With the lock held, which they give up meanwhile:
+  void work(Lock& lock, TimeNs until_ns, bool stores);
+  void work(Lock& lock, Stay stay);
   void store(Lock& lock, CutBlock block);
   void run_clock();
   // By who has the core:
@@ -120,11 +126,12 @@ class Node {
   std::mutex mutex_;  // guards what follows
   std::condition_variable clock_wakes_;
   TaskQueue<Task> tasks_;
-  bool busy_ = false;                // somebody has the core
-  bool writing_ = false;             // a block is to be on disk
-  std::optional<CutBlock> no_room_;  // that one, while the disk is full
-  std::optional<CutBlock> written_;  // it is, and is to be applied
-  std::optional<TimeNs> due_;        // when the next block is cut, as of when somebody had the core last
+  bool busy_ = false;                 // somebody has the core
+  bool writing_ = false;              // a block is cut, and not on disk yet
+  std::optional<CutBlock> to_store_;  // the same, where the clock is to store it
+  TimeNs store_at_ns_ = 0;            // not before: the disk was full
+  std::optional<CutBlock> written_;   // on disk, and not applied yet
+  std::optional<TimeNs> due_;         // when the next block is cut; none while somebody has the core
   bool failed_ = false, stopping_ = false;
   Histogram disk_;
   std::function<void(const std::string&)> on_failure_;

@@ -20,7 +20,7 @@ namespace ledgerline::node {
 /// opening fails and says where. The salt is never disclosed: what looks like a record inside a member's transaction is
 /// none.
 ///
-/// append from one thread; read and height from any.
+/// append from one thread at a time; read and height from any.
 class BlockStore {
  public:
   /// Hands over each block in order. `message`: what a person should know (a torn tail was cut off).

@@ -90,7 +90,7 @@ class ShellTest : public ::testing::Test {
     options.kept_bytes = kept_bytes;
     options.drones = drones;
     options.core.batch_count = 3;
-    options.core.batch_timeout_ns = 2 * ns_per_ms;
+    options.core.batch_timeout_ns = batch_timeout_ns;
     auto opened = Node::open(options);
     ASSERT_TRUE(opened.ok()) << opened.error().message;
     node = std::move(*opened);
@@ -102,7 +102,7 @@ class ShellTest : public ::testing::Test {
   void submit(const std::string& json) {
     const Now now{monotonic_ns(), realtime_ns()};
     const auto proposal = *fabric::make_proposal(user, {}, {"set", {json}}, now.real_ns, crypto::random_bytes(24));
-    node->post_always([this, proposal, now](NodeCore& core) {
+    node->post([this, proposal, now](NodeCore& core) {
       const Reply endorsed = core.endorse(proposal.signed_proposal, now);
       if (endorsed.code != Code::ok) return answers.put({endorsed.detail, 0, -1});
       if (const auto status = core.watch(proposal.tx_id, 1)) return answers.put(*status);
@@ -112,6 +112,7 @@ class ShellTest : public ::testing::Test {
 
   std::filesystem::path dir_;
   std::vector<std::string> drones;
+  TimeNs batch_timeout_ns = 2 * ns_per_ms;
   std::uint64_t kept_bytes = Node::Options().kept_bytes;
   Inbox<TxStatus> answers;
   std::unique_ptr<Node> node;
@@ -193,6 +194,8 @@ TEST_F(ShellTest, CallsFromManyThreadsAllCommitAndReadersSeeEachBlockOnce) {
 }
 
 TEST_F(ShellTest, WhoBringsATaskDoesItAndEverythingThatFollows) {
+  batch_timeout_ns = 60 * ns_per_s;
+  start();
   const auto reader = std::make_shared<Reader>(node->feed());
   reader->wake();
   const std::uint64_t height = node->feed().height();
