@@ -87,7 +87,8 @@ Result<std::vector<std::size_t>> Switches::named(Target::Kind kind, std::string_
   for (std::size_t i = 0; i < targets_.size(); ++i) {
     if (targets_[i].kind != kind) continue;
     names += (names.empty() ? "" : ", ") + targets_[i].name;
-    if (name == "*" || name == targets_[i].name) meant.push_back(i);
+    const bool begins_so = name.ends_with('*') && targets_[i].name.starts_with(name.substr(0, name.size() - 1));
+    if (begins_so || name == targets_[i].name) meant.push_back(i);
   }
   if (meant.empty())
     return Error{

@@ -36,6 +36,7 @@ struct Target {
 ///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/netem/impairment.hpp on one way: to, answers, state,
 ///                                            video, from (the three before), both (all four)
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
+///     server agent* both stall               `agent*`: each whose name begins so
 ///     server agent from stall                to, from, both
 ///     server agent cut                       its connections are reset, once
 ///     sensor tello1 h stuck                  one more fault of hil/netem/sdk/sdk_faults.hpp in that drone's state text

@@ -17,7 +17,7 @@ FaultSwitches::FaultSwitches(const std::vector<std::string>& drones) {
                   .drone = "",
                   .label = "Ledger delayed",
                   .words = "The drones' host reaches its ledger, and hears of it, 0.1 s later each way.",
-                  .line = "server agent both delay 100ms"});
+                  .line = "server agent* both delay 100ms"});
   all_.push_back({.name = "ledger-stalled",
                   .drone = "",
                   .label = "Ledger stalled",

@@ -52,8 +52,8 @@ struct RealStack {
 inline constexpr int fabric_orderers = 3;
 inline constexpr const char* leader_part = "orderer leader";
 
-/// Its connections to the ledger, as the proxy knows them: "agent", and with Fabric "agent-orderer1" and so on.
-std::vector<std::string> servers_of(Process process, const RealStack& stack);
+/// Its connections to the ledger, as the proxy knows them: "agent", "agent-orderer1" and so on.
+std::string servers_of(Process process);
 
 /// What is to be done when a fault begins, or ends: in this order.
 struct RealActs {

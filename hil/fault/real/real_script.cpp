@@ -46,7 +46,7 @@ Impairment of_way(const Effects::OfPort& port, bool to) {
 }
 
 /// The directions that a fault is about, each with all that lies upon it now.
-RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int drones, const RealStack& stack) {
+RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int drones) {
   RealActs acts;
   const Effects touched = effects_of({changed}, drones), all = effects_of(active, drones);
   for (int k = 1; k <= drones; ++k) {
@@ -60,9 +60,8 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
   for (const Process process : {Process::agent, Process::ground}) {
     for (const bool to : {true, false}) {
       if (!of_way(touched.port(process), to).any()) continue;
-      for (const std::string& server : servers_of(process, stack))
-        acts.proxy.push_back(
-            fmt::format("server {} {} {}", server, to ? "to" : "from", all_of_it(of_way(all.port(process), to))));
+      acts.proxy.push_back(fmt::format("server {} {} {}", servers_of(process), to ? "to" : "from",
+                                       all_of_it(of_way(all.port(process), to))));
     }
   }
   return acts;
@@ -153,13 +152,13 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
 }
 
 RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack) {
-  RealActs acts = set_proxy(fault, active, drones, stack);
+  RealActs acts = set_proxy(fault, active, drones);
   if (fault.acts.really_begin) fault.acts.really_begin(acts, stack);
   return acts;
 }
 
 RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack) {
-  RealActs acts = set_proxy(fault, active, drones, stack);
+  RealActs acts = set_proxy(fault, active, drones);
   const bool goes_on =
       std::any_of(active.begin(), active.end(), [&](const Fault& other) { return other.text == fault.text; });
   if (fault.acts.really_end) fault.acts.really_end(acts, stack, goes_on);

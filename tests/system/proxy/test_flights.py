@@ -40,20 +40,20 @@ def test_a_flight_through_delays_loss_and_duplicates_holds_while_ground_is_stall
     script.write_text(f'[[fault]]\nat_s = 0\ndo = "{drone}"\n[[fault]]\nat_s = 0\ndo = "server * both delay 10ms"\n')
     flight = fly(tmp_path, "--proxy", "--faults", str(script), "--laps", "1", "--speed", "1.0", "--storage", "tmpfs")
     wait_for_path(tmp_path, flight, 10)
-    tell(tmp_path / "run" / "faults.sock", "server ground both stall")
+    tell(tmp_path / "run" / "faults.sock", "server ground* both stall")
     time.sleep(1.5)
-    tell(tmp_path / "run" / "faults.sock", "server ground both stall off")
+    tell(tmp_path / "run" / "faults.sock", "server ground* both stall off")
     assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     report = result(tmp_path)
     assert report["ok"] and report["asked"]["faults"]["file"] == str(script)
     switched = [one["command"] for one in report["asked"]["faults"]["switched"]]
-    assert switched[:2] == [drone, "server * both delay 10ms"] and switched[-1] == "server ground both stall off"
-    assert "server ground both stall off" in printed(tmp_path)
+    assert switched[:2] == [drone, "server * both delay 10ms"] and switched[-1] == "server ground* both stall off"
+    assert "server ground* both stall off" in printed(tmp_path)
     drone = report["drones"][0]
     # A state is endorsed, ordered and reported, the command made from it too: at least six times 10 ms.
     assert drone["two_way_ms"]["p5"] > 60
     trace = records(tmp_path / "run" / "link.trace")
-    stalled, on = (switched_ns(tmp_path, f"server ground both stall{off}") for off in ("", " off"))
+    stalled, on = (switched_ns(tmp_path, f"server ground* both stall{off}") for off in ("", " off"))
     modes = [(r[0], r[3]) for r in trace if r[1] == TraceKind.MODE and r[4] == FLYING and stalled < r[0] < on + 3_000_000_000]
     assert [m for _, m in modes][:2] == [HOLD, NONE], modes
     assert modes[0][0] < on < modes[1][0]

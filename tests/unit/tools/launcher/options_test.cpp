@@ -20,7 +20,7 @@ void expect_refused(const std::vector<std::string>& arguments, const std::string
   EXPECT_THAT(line.text, HasSubstr(words));
 }
 
-TEST(Options, OnTheEmbeddedLedgerAgentEndorsesUnlessTheGatewayIsAskedFor) {
+TEST(FlyOptions, OnTheEmbeddedLedgerAgentEndorsesUnlessTheGatewayIsAskedFor) {
   EXPECT_TRUE(parse_command_line({}).options.endorser_within);
   EXPECT_FALSE(parse_command_line({"--gateway"}).options.endorser_within);
   EXPECT_FALSE(parse_command_line({"--ledger", "fabric"}).options.endorser_within);

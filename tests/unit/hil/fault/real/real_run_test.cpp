@@ -125,20 +125,18 @@ TEST(RealScript, SwitchesTheProxyOnAndOffAgain) {
               ElementsAre("drone tello1 to clear, stall", "drone tello2 to clear, stall"));
   EXPECT_THAT(
       acts("ledger agent to delay uniform 10ms 20ms"),
-      Pair(ElementsAre("server agent to clear, delay uniform 10ms 20ms"), ElementsAre("server agent to clear")));
+      Pair(ElementsAre("server agent* to clear, delay uniform 10ms 20ms"), ElementsAre("server agent* to clear")));
   EXPECT_THAT(acts("ledger both stall"),
-              Pair(ElementsAre("server agent to clear, stall", "server agent from clear, stall",
-                               "server ground to clear, stall", "server ground from clear, stall"),
-                   ElementsAre("server agent to clear", "server agent from clear", "server ground to clear",
-                               "server ground from clear")));
-  EXPECT_THAT(acts("ledger ground cut"), Pair(ElementsAre("server ground to clear, partition",
-                                                          "server ground from clear, partition", "server ground cut"),
-                                              ElementsAre("server ground to clear", "server ground from clear")));
+              Pair(ElementsAre("server agent* to clear, stall", "server agent* from clear, stall",
+                               "server ground* to clear, stall", "server ground* from clear, stall"),
+                   ElementsAre("server agent* to clear", "server agent* from clear", "server ground* to clear",
+                               "server ground* from clear")));
+  EXPECT_THAT(acts("ledger ground cut"), Pair(ElementsAre("server ground* to clear, partition",
+                                                          "server ground* from clear, partition", "server ground* cut"),
+                                              ElementsAre("server ground* to clear", "server ground* from clear")));
   EXPECT_THAT(acts("sensor tello1  bat bias -5"),
               Pair(ElementsAre("sensor tello1 bat bias -5"), ElementsAre("sensor tello1 bat bias -5 off")));
-  EXPECT_THAT(begin_of({"ledger agent from stall"}, 0, 1, true).proxy,
-              ElementsAre("server agent from clear, stall", "server agent-orderer1 from clear, stall",
-                          "server agent-orderer2 from clear, stall", "server agent-orderer3 from clear, stall"));
+  EXPECT_THAT(begin_of({"ledger agent from stall"}, 0, 1, true).proxy, ElementsAre("server agent* from clear, stall"));
 }
 
 TEST(RealScript, TheEndOfOneFaultLeavesTheOtherAsItIs) {
@@ -148,7 +146,7 @@ TEST(RealScript, TheEndOfOneFaultLeavesTheOtherAsItIs) {
   EXPECT_THAT(end_of(delays, 1).proxy,
               ElementsAre("drone tello1 to clear, delay 10ms, loss 5%", "drone tello2 to clear"));
   EXPECT_THAT(end_of({"ledger agent stall", "ledger agent cut", "ledger both to delay 5ms"}, 0).proxy,
-              ElementsAre("server agent to clear, delay 5ms, partition", "server agent from clear, partition"));
+              ElementsAre("server agent* to clear, delay 5ms, partition", "server agent* from clear, partition"));
   EXPECT_THAT(end_of({"agent stop", "agent stop"}).programs, IsEmpty());
   EXPECT_THAT(end_of({"agent stop", "link stop"}).programs, ElementsAre(Pair("ledgerline-agent", SIGCONT)));
   EXPECT_THAT(end_of({"ledger stall", "ledger stall"}, 0, 1, true).parts, IsEmpty());
