@@ -17,6 +17,7 @@ constexpr unsigned slice_ns = 100'000;
 
 bool enter_scheduling(Scheduling scheduling) noexcept {
   if (scheduling == Scheduling::inherited) return true;
+  if (scheduling == Scheduling::short_slices && ::sched_getscheduler(0) != SCHED_OTHER) return true;
   errno = 0;
   const int nice = ::getpriority(PRIO_PROCESS, 0);  // -1 is a good answer, too
   if (nice == -1 && errno != 0) return false;

@@ -11,7 +11,8 @@ enum class Scheduling {
   /// that, too little for peers to keep up.
   background,
   /// The same share in slices of 0.1 ms, which Linux takes from 6.12 on and older ones leave out: the shorter a
-  /// thread's slice the earlier is its turn when it wakes. 0.1 ms is the kernel's least.
+  /// thread's slice the earlier is its turn when it wakes. 0.1 ms is the kernel's least. Another class than
+  /// SCHED_OTHER stays as it is.
   short_slices,
 };
 

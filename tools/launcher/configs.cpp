@@ -366,6 +366,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
     agent.text("[own_endorser]", "listen", endpoints.own_endorser);
     agent.text("[own_endorser]", "tls_certificate", own + "/tls/server.crt");
     agent.text("[own_endorser]", "tls_key", own + "/tls/server.key");
+    agent.text("[own_endorser]", "checkpoint", files.in("ledger/endorser.checkpoint"));
     agent.text("[own_endorser]", "summary", files.summary("endorser"));
   }
   if (options.own) agent.append(options.own->mocap_table);

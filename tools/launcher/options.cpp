@@ -126,10 +126,9 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
   line.flag("--endorser", o.endorser,
             "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone")
       .in_help_all();
-  line.flag(
-          "--endorser-within", o.endorser_within,
-          "The same within agent, which holds that key then, and serves ground (docs/fabric.md); the embedded ledger's "
-          "way, but with --gateway")
+  line.flag("--endorser-within", o.endorser_within,
+            "The same within agent, which holds that key then, and serves ground; the embedded ledger's way without "
+            "--gateway")
       .in_help_all();
   line.option("--blocks", o.blocks,
               "Whose blocks agent and ground take: the own peer's, or an orderer's as soon as they are validated")

@@ -86,9 +86,10 @@ class Pipeline {
   const std::shared_ptr<const Connection> connection_;
   grpc::CompletionQueue queue_;
 
-  std::mutex mutex_;  ///< guards the three below, and that nothing is put into the queue after its shutdown
+  std::mutex mutex_;  ///< guards the three below
   std::vector<Job> inbox_;
-  bool woken_ = false;
+  bool woken_ =
+      false;  ///< somebody sets, or has set, an alarm that ends in read_inbox(), which alone shuts the queue down
   bool stopping_ = false;
 
   // The thread's own.
