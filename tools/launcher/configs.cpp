@@ -155,6 +155,10 @@ std::string orderer_name(const std::string& program, std::size_t i) {
   return fmt::format("{}-orderer{}", program, i + 1);
 }
 
+/// Over a connection: agent has one within.
+bool asks_own_endorser(const Options& options, const LedgerEndpoints& endpoints, const std::string& program) {
+  return !endpoints.own_endorser.empty() && !(options.endorser_within && program == "agent");
+}
 std::string own_endorser_name(const std::string& program) { return program + "-endorser"; }
 
 std::string endorser_name(const std::string& program, std::size_t organisation) {
@@ -301,7 +305,7 @@ Status write_proxy_config(const RunFiles& files, const Options& options, const L
     server(program, endpoints.endpoint);
     for (std::size_t i = 0; i < endpoints.orderers.size(); ++i) server(orderer_name(program, i), endpoints.orderers[i]);
     for (std::size_t k = 2; k <= endpoints.peers.size(); ++k) server(endorser_name(program, k), endpoints.peers[k - 1]);
-    if (!endpoints.own_endorser.empty()) server(own_endorser_name(program), endpoints.own_endorser);
+    if (asks_own_endorser(options, endpoints, program)) server(own_endorser_name(program), endpoints.own_endorser);
   }
   return write_file(files.config(proxy_name), out.plain());
 }
@@ -321,7 +325,7 @@ LedgerAccess follower_access(const RunFiles& files, const Options& options, cons
   for (std::size_t i = 0; !options.gateway && i < endpoints.orderers.size(); ++i)
     access.orderers.push_back(
         {"", endpoint_of(proxied, orderer_name(program, i), endpoints.orderers[i]), "", orderers_ca});
-  if (!endpoints.own_endorser.empty() && !(options.endorser_within && program == "agent"))
+  if (asks_own_endorser(options, endpoints, program))
     access.endorsers.push_back(
         endorser_of(files, 1, endpoint_of(proxied, own_endorser_name(program), endpoints.own_endorser)));
   for (std::size_t k = 1; !options.gateway && k <= endpoints.peers.size(); ++k)

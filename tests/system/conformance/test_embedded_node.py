@@ -52,6 +52,7 @@ def test_a_node_whose_disk_takes_no_more_ends_and_loses_nothing_that_it_confirme
     ledger.file_limit = None
     ledger.start()
     assert "was not finished" in ledger.log()
+    host = Node(node_modules, ledger).user(1, "User1")  # the old one may wait, as it was refused, before it tries again
     kept = json.loads(host.evaluate("get", "tello1/*"))["assets"]
     assert {one["id"] for one in kept} == set(confirmed)
     node.close()

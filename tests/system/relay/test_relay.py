@@ -16,7 +16,7 @@ def test_nothing_is_flown_that_nobody_signed(lying_programs, monkeypatch, lie):
     out = lying_programs / "flight"
     monkeypatch.setenv("LYING_LIE", lie)
     monkeypatch.setenv("LYING_AFTER_S", "12")  # by then it flies
-    flight = fly(out, "--laps", "3", "--side", "1.5")
+    flight = fly(out, "--gateway", "--laps", "3", "--side", "1.5")
     flight.wait(180)
     flown = Flown(lying_programs)
     lies, wrong = flown.lies, flown.unsigned()

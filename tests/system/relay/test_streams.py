@@ -42,7 +42,7 @@ def grant(run) -> None:
 def fly_behind(lie: str, killed: str, folder, seed: int) -> int:
     """When the operator said stop."""
     out = folder / "flight"
-    flight = fly(out, "--laps", "30", "--side", "1.5")
+    flight = fly(out, "--gateway", "--laps", "30", "--side", "1.5")
     wait_for_flight(out, flight)
     grant(out / "run")
     time.sleep(0.3 * (seed % 5))

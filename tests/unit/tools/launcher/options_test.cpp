@@ -157,9 +157,10 @@ TEST(FlyOptions, AProxyIsAskedForAndAScriptGoesWithOne) {
   expect_refused({"--proxy", "--ledger", "none"}, "--ledger none");
 }
 
-TEST(FlyOptions, TheWayPastTheGatewayAndTheNumberOfEndorsementsAreFabrics) {
+TEST(FlyOptions, EachLedgerHasAGateway) {
   EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--gateway"}).options.gateway);
-  expect_refused({"--gateway"}, "--ledger fabric");
+  EXPECT_TRUE(parse_command_line({"--gateway"}).options.gateway);
+  expect_refused({"--ledger", "none", "--gateway"}, "goes with a ledger");
 }
 
 TEST(FlyOptions, DronesAndGroundMayHaveDomainsOfTheirOwn) {

@@ -74,7 +74,9 @@ TEST(FaultSwitches, OneThatEndsTakesNoOtherAlong) {
   }
   ASSERT_TRUE(proxied.apply((*switches.step_of("off ledger-stalled"))->line));
   ASSERT_TRUE(proxied.apply((*switches.step_of("off silent-tello1"))->line));
-  EXPECT_EQ(proxied.list(), "drone tello1 to partition\nserver agent to delay 100ms\nserver agent from delay 100ms\n");
+  EXPECT_EQ(proxied.list(),
+            "drone tello1 to partition\nserver agent to delay 100ms\nserver agent from delay 100ms\n"
+            "server agent-orderer1 to delay 100ms\nserver agent-orderer1 from delay 100ms\n");
 }
 
 TEST(FaultSwitches, AreOnOnceTheProxyHasDoneIt) {
