@@ -13,7 +13,7 @@ namespace {
 /// keep nobody from endorsing.
 constexpr int max_gateway_calls = 500, max_gateway_waiting = 2500;
 
-/// One CommitStatus call that waits for its transaction. Once the core knows of it, whoever has the core finishes it.
+/// One CommitStatus call that waits for its transaction. Once the core knows of it, who has the core finishes it.
 class CommitWaiter final : public grpc::ServerUnaryReactor {
  public:
   CommitWaiter(Limit::Slot slot, std::function<void()> on_cancel)

@@ -38,7 +38,7 @@ std::string user_msp_dir(const std::string& dir, int organisation, const std::st
 
 inline Now read_now() { return {monotonic_ns(), realtime_ns()}; }
 
-/// The core, worked by whoever brings a task, so that nothing waits for a thread to wake up: one thread at a time has
+/// The core, worked by who brings a task, so that nothing waits for a thread to wake up: one thread at a time has
 /// the core, and does what others have brought meanwhile, from two bounded queues. It puts the block that it has cut on
 /// disk, while others may have the core, and then sends it to its readers. The clock, a thread of the node's own, cuts
 /// blocks that are due by time, does what others leave, and tries a full disk again.
