@@ -28,6 +28,19 @@ Snapshot snapshot_from(const json& j) {
   return snapshot;
 }
 
+/// Of a number with a fraction, or beyond 64 bits, JSON's reader would make an integer that is undefined.
+bool is_whole(const json& number) { return number.is_number_integer(); }
+bool counts_are_whole(const json& snapshot) {
+  if (!is_whole(snapshot.at("t_ns"))) return false;
+  for (const json& thread : snapshot.at("threads")) {
+    for (const char* count :
+         {"process", "thread", "voluntary", "involuntary", "minor_faults", "major_faults", "policy", "priority"}) {
+      if (!is_whole(thread.at(count))) return false;
+    }
+  }
+  return true;
+}
+
 // Counters of the kernel only grow; where they did not, the thread's number was given to another.
 std::uint64_t grown(std::uint64_t from, std::uint64_t to) { return to >= from ? to - from : to; }
 double grown(double from, double to) { return to >= from ? to - from : to; }
@@ -54,7 +67,9 @@ Result<UsageRecord> usage_from_json(const std::string& text) {
   if (j.is_discarded()) return Error{"it is no JSON"};  // the parser's own words would have the damaged bytes in them
   try {
     UsageRecord record;
+    if (!std::ranges::all_of(j.at("programs"), is_whole)) return Error{"the number of a process in it is not whole"};
     j.at("programs").get_to(record.programs);
+    if (!counts_are_whole(j.at("begin")) || !counts_are_whole(j.at("end"))) return Error{"a count in it is not whole"};
     record.begin = snapshot_from(j.at("begin"));
     record.end = snapshot_from(j.at("end"));
     for (const Snapshot* snapshot : {&record.begin, &record.end}) {
