@@ -158,8 +158,9 @@ Result<std::vector<crypto::MspRoot>> read_msps(Config& config) {
   bool complete = true;
   const std::size_t count = config.table_count({"msp", "an organisation whose signatures are trusted; at least one"});
   for (std::size_t i = 0; i < count; ++i) {
-    named.emplace_back(config.text({fmt::format("msp.{}.id", i), "its name, such as Org1MSP"}),
-                       config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority, with intermediates"}));
+    const std::string id = config.text({fmt::format("msp.{}.id", i), "its name, such as Org1MSP"});
+    const std::string ca = config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority, with intermediates"});
+    named.emplace_back(id, ca);
     complete = complete && !named.back().first.empty() && !named.back().second.empty();
   }
   if (!complete) return incomplete;

@@ -434,8 +434,8 @@ TEST(InitProfile, ReadsChannelBatchesAndOrganisationsFromAConfigBlock) {
   EXPECT_THAT(without_comments(agent), HasSubstr("\nchannel = \"mychannel\"\n"));
   EXPECT_THAT(without_comments(agent), HasSubstr("\nconfig_block = \"/net/mychannel.block\"\n"));
   EXPECT_THAT(without_comments(agent),
-              HasSubstr("[[msp]]\nca = \"/etc/ledgerline/authorities/Org1MSP.pem\"\nid = \"Org1MSP\"\n"
-                        "[[msp]]\nca = \"/etc/ledgerline/authorities/Org2MSP.pem\"\nid = \"Org2MSP\"\n"));
+              HasSubstr("[[msp]]\nid = \"Org1MSP\"\nca = \"/etc/ledgerline/authorities/Org1MSP.pem\"\n"
+                        "[[msp]]\nid = \"Org2MSP\"\nca = \"/etc/ledgerline/authorities/Org2MSP.pem\"\n"));
   ASSERT_EQ(planned->files.size(), 3u);
   EXPECT_EQ(planned->files[2].path, "/etc/ledgerline/authorities/Org1MSP.pem");
   EXPECT_EQ(planned->files[2].content, "A");
