@@ -38,7 +38,7 @@ set(GENERATED_OPTIONS -O1)
 if(LEDGERLINE_SANITIZE STREQUAL "thread")
   set(GENERATED_OPTIONS -O0)
 elseif(LEDGERLINE_SANITIZE)
-  set(GENERATED_OPTIONS -O0 -fno-sanitize=all)
+  set(GENERATED_OPTIONS -O1 -fno-sanitize=all)
 endif()
 
 set(message_sources)

@@ -3,7 +3,7 @@
 add_library(ledgerline_options INTERFACE)
 target_compile_options(ledgerline_options INTERFACE
   -Wall -Wextra -Wpedantic -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Werror
-  $<$<BOOL:${CMAKE_UNITY_BUILD}>:-Wno-subobject-linkage>)  # of headers, for which it takes the sources of a unit
+  $<$<AND:$<BOOL:${CMAKE_UNITY_BUILD}>,$<CXX_COMPILER_ID:GNU>>:-Wno-subobject-linkage>)  # of headers, for which it takes the sources of a unit
 
 # For scripts/check-links: which files a target compiles and what it links, a line each in build/PRESET/targets.txt.
 function(ll_note_target name)
@@ -31,7 +31,8 @@ function(ll_library name)
   add_library(${name} STATIC ${ARG_SOURCES})
   target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}>)
   ll_note_target(${name})
-  target_compile_options(${name} PRIVATE -Wshadow)  # not in tests: in a unity build they see each other's names
+  # Not in tests: in a unity build they see each other's names. Nor by clang, which minds other sources' names, too.
+  target_compile_options(${name} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wshadow>)
   target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE $<BUILD_INTERFACE:ledgerline_options> ${ARG_PRIVATE_DEPS})
 endfunction()
 

@@ -91,9 +91,9 @@ struct Config::State {
                 const Bounds& bounds = {}) {
     if (!describing) return;
     auto [table, within] = table_and_key(key.name);
-    const auto known = std::find_if(described.begin(), described.end(),
-                                    [&](const auto& other) { return other.table == table && other.key == within; });
-    if (known != described.end()) return;
+    for (const KeyDescription& other : described) {
+      if (other.table == table && other.key == within) return;
+    }
     std::string unit(unit_of(within));
     described.push_back({std::move(table), std::move(within), type, std::move(unit),
                          key.otherwise.empty() ? usual : std::string(key.otherwise), allowed, std::string(key.about),

@@ -196,7 +196,7 @@ bool Impairment::any() const { return kinds_in(*this) != 0; }
 unsigned kinds_in(const Impairment& impairment) {
   unsigned kinds = 0, bit = 1;
   for_each_effect([&](std::string_view, auto member) {
-    if (impairment.*member) kinds |= bit;
+    if (static_cast<bool>(impairment.*member)) kinds |= bit;
     bit <<= 1;
   });
   return kinds;
@@ -204,7 +204,7 @@ unsigned kinds_in(const Impairment& impairment) {
 
 void overlay(const Impairment& over, Impairment& impairment) {
   for_each_effect([&](std::string_view, auto member) {
-    if (over.*member) impairment.*member = over.*member;
+    if (static_cast<bool>(over.*member)) impairment.*member = over.*member;
   });
 }
 

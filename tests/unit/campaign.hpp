@@ -5,7 +5,7 @@
 namespace ledgerline {
 
 /// Sanitizers make each flight ten times as long and more: a few of them look into every corner.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef LEDGERLINE_SANITIZED
 inline constexpr bool slow = true;
 #else
 inline constexpr bool slow = false;

@@ -72,7 +72,7 @@ class StreamEntry final : public Entry {
   }
 
  private:
-  const std::deque<Event> events_;
+  const std::deque<Event> events_{};
   const std::vector<Operator> operators_{{"alice", {"Org2MSP", "CN=alice"}}};
   const ApiContext known_{names, "[]", "{}", events_, operators_};
 };

@@ -151,7 +151,7 @@ TEST_F(ControlTest, PlainStringsAreDronesAndOptions) {
   EXPECT_THAT(parsed<Controls>(stub.event_payload).controls(), SizeIs(2));
   EXPECT_EQ(control("tello2").priority(), 7U);
   EXPECT_NE(stub.call(pilot, "acquire", {"tello1", "priority=x"}).status, 200);
-  EXPECT_NE(stub.call(pilot, "acquire", {}).status, 200);
+  EXPECT_NE(stub.call(pilot, "acquire", std::vector<std::string>()).status, 200);
 }
 
 TEST_F(ControlTest, TheHoldersCommandIsWrittenBlindlyAndAnnounced) {

@@ -111,8 +111,8 @@ class SecurityOfDds : public testing::Test {
           [&inbox = inboxes[who]](std::span<const std::uint8_t> cdr, const RawInfo&) { inbox.add(copy_of(cdr)); })));
     auto w = RawWriter::create(*participant, "/from_parent", type, {.depth = 1000});
     if (!w) throw std::runtime_error(w.error().message);
-    for (const auto& [who, files] : children)
-      EXPECT_TRUE(eventually([&] { return fs::exists(folder_ / (who + ".ready")); })) << who;
+    const auto comes = [&](const std::string& file) { return eventually([&] { return fs::exists(folder_ / file); }); };
+    for (const auto& [who, files] : children) EXPECT_TRUE(comes(who + ".ready")) << who;
     const auto have_met = [&](const std::string& who) {
       return inboxes[who].items().size() >= messages && fs::exists(folder_ / (who + ".heard"));
     };
@@ -121,7 +121,7 @@ class SecurityOfDds : public testing::Test {
     std::this_thread::sleep_for(std::chrono::milliseconds(500));  // what must not come gets its time to come
     EXPECT_TRUE(write_file(folder_ / "stop", ""));
     for (const auto& [who, files] : children) {
-      EXPECT_TRUE(eventually([&] { return fs::exists(folder_ / (who + ".got")); })) << who;
+      EXPECT_TRUE(comes(who + ".got")) << who;
       result[who] = {inboxes[who].items().size(), std::stoi(read_file(folder_ / (who + ".got")).value())};
     }
     readers.clear();

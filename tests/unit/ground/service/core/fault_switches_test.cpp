@@ -60,7 +60,7 @@ class FaultsApi : public testing::Test {
 
  private:
   const std::vector<std::string> names{"tello1"};
-  const std::deque<Event> events;
+  const std::deque<Event> events{};
 };
 
 TEST_F(FaultsApi, TellsThemAndAsksForOneThatIsSwitched) {

@@ -43,7 +43,7 @@ class StreamCommands : public testing::Test {
     return read_stream_message(message, client, {names, "[]", "{}", events, operators, nullptr, aloft}, 0);
   }
   const std::vector<std::string> names{"tello1", "tello2"};
-  const std::deque<Event> events;
+  const std::deque<Event> events{};
   std::vector<Operator> operators{{"alice", {"Org2MSP", "CN=alice"}}};
   std::vector<std::size_t> aloft;
 };

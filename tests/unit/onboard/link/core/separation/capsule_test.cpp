@@ -48,10 +48,10 @@ TEST(Capsule, HasTheWholeWayToRestInIt) {
 }
 
 TEST(Capsule, OfADroneThatIsOrderedToStopComesNoNearerToAnybody) {
-  for (const auto& [x, y] : {std::pair{1.0, 4.0}, {2.5, 2.0}, {0.0, 2.0}, {1.3, 1.0}}) {
+  for (const auto& other : {std::pair{1.0, 4.0}, {2.5, 2.0}, {0.0, 2.0}, {1.3, 1.0}}) {
     double last = -1;
     brake(turning, [&](const Motion& at) {
-      const double gap = distance_m(until_rest(coasting(at, braking), braking, at.sent_mps), x, y);
+      const double gap = distance_m(until_rest(coasting(at, braking), braking, at.sent_mps), other.first, other.second);
       EXPECT_GE(gap, last - 0.002);
       last = std::max(last, gap);
     });
