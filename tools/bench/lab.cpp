@@ -92,6 +92,11 @@ Status Network::wait_for_line(const std::string& name, TimeNs limit_ns) {
   return done;
 }
 
+Network::Settings Network::settings_for(const Competitor& competitor) {
+  if (competitor.published_settings) return {3, 10, 2000};
+  return {.peers_in_background = competitor.endorser == Competitor::Endorser::within && competitor.blocks == "ordered"};
+}
+
 Status Network::up() {
   std::error_code error;
   fs::create_directories(dir_, error);
@@ -105,6 +110,8 @@ Status Network::up() {
   } else {
     command.insert(command.begin(), {paths_.programs / "ledgerline", "fabric", "run"});
     command.insert(command.end(), {"--tools", paths_.fabric, "--orderers", std::to_string(settings_.orderers)});
+    for (int organisation = 1; settings_.peers_in_background && organisation <= 3; ++organisation)
+      command.insert(command.end(), {"--background", fmt::format("org{}", organisation)});
     command.insert(command.end(), paths_.network_options.begin(), paths_.network_options.end());
   }
   if (auto s = children_.start({name_, command, dir_ / (name_ + ".log"), SIGTERM}); !s) return s;

@@ -33,8 +33,10 @@ class Network {
     int orderers = 1;
     int batch_count = 1;
     int batch_timeout_ms = 10;
+    bool peers_in_background = false;  ///< nobody waits for them: of Fabric alone
+    bool operator==(const Settings&) const = default;
   };
-  static Settings settings(bool published) { return published ? Settings{3, 10, 2000} : Settings{}; }
+  static Settings settings_for(const Competitor& competitor);
 
   Network(LabPaths paths, Settings settings, std::filesystem::path dir, const std::atomic<int>& interrupts);
   ~Network();

@@ -29,8 +29,9 @@ Status Measurement::run() {
       for (const std::string& id : o_.clients) order.push_back(find_competitor(id));
       if (alternation % 2 == 1) std::reverse(order.begin(), order.end());
       for (auto from = order.begin(); from != order.end();) {
-        const auto to = std::find_if(
-            from, order.end(), [&](const auto* c) { return c->published_settings != (*from)->published_settings; });
+        const auto to = std::find_if(from, order.end(), [&](const auto* c) {
+          return Network::settings_for(*c) != Network::settings_for(**from);
+        });
         if (auto s = group({from, to}, rate, alternation); !s) return s;
         from = to;
       }
@@ -71,11 +72,10 @@ Status Measurement::write_json() const {
 // Competitors on one network; a new one after a collapse, so that nobody finds another's backlog.
 Status Measurement::group(const std::vector<const Competitor*>& competitors, int rate, int alternation) {
   std::optional<Network> network;
-  const bool published = competitors.front()->published_settings;
+  const Network::Settings settings = Network::settings_for(*competitors.front());
   for (const Competitor* competitor : competitors) {
     if (!network) {
-      network.emplace(o_.paths, Network::settings(published), o_.paths.dir / fmt::format("network{}", ++directories_),
-                      interrupts_);
+      network.emplace(o_.paths, settings, o_.paths.dir / fmt::format("network{}", ++directories_), interrupts_);
       if (auto s = network->up(); !s) return s;
     }
     const Schedule schedule = make_schedule(rate, o_.warm_up_s, o_.seconds, o_.drain_s);
@@ -88,7 +88,7 @@ Status Measurement::group(const std::vector<const Competitor*>& competitors, int
     log(*run);
     runs_.push_back(std::move(*run));
     if (runs_.back().collapsed() || competitor == competitors.back()) {
-      if (auto s = end(*network, published); !s) return s;
+      if (auto s = end(*network, settings); !s) return s;
       network.reset();
     }
     if (auto s = write_json(); !s) return s;
@@ -96,13 +96,13 @@ Status Measurement::group(const std::vector<const Competitor*>& competitors, int
   return done;
 }
 
-Status Measurement::end(Network& network, bool published) {
+Status Measurement::end(Network& network, const Network::Settings& settings) {
   auto summary = network.down();
   if (!summary) return summary.error();
-  const Network::Settings settings = Network::settings(published);
   (*summary)["orderers"] = settings.orderers;
   (*summary)["batch_count"] = settings.batch_count;
   (*summary)["batch_timeout_ms"] = settings.batch_timeout_ms;
+  (*summary)["peers_in_background"] = settings.peers_in_background;
   networks_.push_back(std::move(*summary));
   std::error_code error;
   std::filesystem::remove_all(o_.paths.dir / fmt::format("network{}", directories_), error);

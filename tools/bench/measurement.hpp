@@ -43,7 +43,7 @@ class Measurement {
 
  private:
   Status group(const std::vector<const Competitor*>& competitors, int rate, int alternation);
-  Status end(Network& network, bool published);
+  Status end(Network& network, const Network::Settings& settings);
   void log(const Turn& run) const;
 
   const Options& o_;

@@ -126,6 +126,18 @@ TEST(FlyOptions, ADeploymentWithoutHostsIsOfItsOwnDrones) {
   expect_refused({"--deployment", file}, "own_deployment.toml:10: flight.lapses: unknown key");
 }
 
+TEST(FlyOptions, PeersForWhomNobodyWaitsStepBack) {
+  const auto step_back = [](std::vector<std::string> words) {
+    words.insert(words.end(), {"--ledger", "fabric"});
+    return organisations_nobody_waits_for(parse_command_line(words).options);
+  };
+  EXPECT_EQ(step_back({}), (std::vector{2, 3}));
+  EXPECT_EQ(step_back({"--blocks", "ordered"}), (std::vector{2, 3})) << "the own peer endorses";
+  EXPECT_EQ(step_back({"--endorser-within"}), (std::vector{2, 3})) << "the own peer's blocks are waited for";
+  EXPECT_EQ(step_back({"--endorser", "--blocks", "ordered"}), (std::vector{2, 3})) << "the endorser follows the peer";
+  EXPECT_EQ(step_back({"--endorser-within", "--blocks", "ordered"}), (std::vector{1, 2, 3}));
+}
+
 TEST(FlyOptions, EachLedgerNeedsRoomOfItsOwn) {
   EXPECT_EQ(min_ledger_bytes(parse_command_line({"--ledger", "none"}).options), 0u);
   const auto embedded = min_ledger_bytes(parse_command_line({}).options);
