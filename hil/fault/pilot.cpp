@@ -14,9 +14,12 @@ namespace {
 
 constexpr TimeNs usual_for_ns = ns_per_s;
 constexpr std::string_view pilot_words =
-    "must be takeoff, land, stop, cut, mission approve (start, pause, resume, land), or fly X Y Z TURN, in m/s and "
-    "rad/s, "
-    "as \"fly 0.3 0 0 0\"";
+    "must be takeoff, land, stop, cut, steer, mission approve (start, pause, resume, land), or fly X Y Z TURN, in m/s "
+    "and rad/s, as \"fly 0.3 0 0 0\"";
+constexpr TimeNs usual_reaction_ns = 250 * ns_per_ms, max_reaction_ns = 5 * ns_per_s;
+// A person looks ahead by so long, and does not look for the drone on a later piece of the course.
+constexpr double look_ahead_s = 0.7, least_look_ahead_m = 0.3, search_m = 1, search_step_m = 0.02;
+constexpr double climb_gain_per_s = 1, max_climb_mps = 0.3;
 
 bool parse_do(const std::string& text, PilotRow& row) {
   const auto words = words_of(text);
@@ -26,6 +29,7 @@ bool parse_do(const std::string& text, PilotRow& row) {
     row.land = words[0] == "land";
     row.stop = words[0] == "stop";
     row.cut = words[0] == "cut";
+    row.steer = words[0] == "steer";
     return !row.flies();
   }
   if (words.size() == 2 && words[0] == "mission") {
@@ -51,11 +55,16 @@ std::vector<PilotRow> read_pilot(Config& config, int drones) {
   for (std::size_t i = 0; i < config.table_count({"pilot", "of a manual flight: what its pilot says"}); ++i) {
     const std::string prefix = fmt::format("pilot.{}.", i);
     PilotRow row;
-    const std::string text =
-        config.text(Key(prefix + "do", "takeoff, land, stop, cut, mission WORD, or fly X Y Z TURN")
-                        .like(R"(^\s*(takeoff|land|stop|cut|mission\s+[a-z]+|fly(\s+-?[0-9.]+){4})\s*$)"));
+    const std::string text = config.text(
+        Key(prefix + "do", "takeoff, land, stop, cut, steer (along the course), mission WORD, or fly X Y Z TURN")
+            .like(R"(^\s*(takeoff|land|stop|cut|steer|mission\s+[a-z]+|fly(\s+-?[0-9.]+){4})\s*$)"));
     row.at = config.text({prefix + "at", "when, as of a fault"}, "1s");
     const std::string lasts = config.text({prefix + "for", "of fly: said again for so long"}, "");
+    const std::string reaction =
+        config.text({prefix + "reaction", "of steer: how late it answers to what is shown"}, "");
+    row.sees_path =
+        config.choice({prefix + "sees", "of steer: the newest state, or where the committed path predicts it"},
+                      {"state", "path"}, "state") == "path";
     const std::string drone = config.text({prefix + "drone", "to whom; * is everybody"}, "*");
     if (text.empty() || config.is_describing()) continue;
     if (!parse_do(text, row)) config.wrong(prefix + "do", std::string(pilot_words));
@@ -76,6 +85,16 @@ std::vector<PilotRow> read_pilot(Config& config, int drones) {
         row.for_ns = *duration;
       }
     }
+    if (row.steer) row.reaction_ns = usual_reaction_ns;
+    if (!reaction.empty()) {
+      const auto duration = parse_time(reaction);
+      if (!duration || *duration < 0 || *duration > max_reaction_ns || !row.steer) {
+        config.wrong(prefix + "reaction", "must be a time as 300ms, 5 s at most, and goes with steer alone");
+      } else {
+        row.reaction_ns = *duration;
+      }
+    }
+    if (row.sees_path && !row.steer) config.wrong(prefix + "sees", "goes with steer alone");
     if (drone != "*") row.drone = drone;
     bool flies_here = row.drone.empty();
     for (int k = 1; k <= drones; ++k) flies_here = flies_here || drone_name(k) == row.drone;
@@ -90,13 +109,77 @@ std::string pilot_text(const std::vector<PilotRow>& rows) {
   for (const PilotRow& row : rows) {
     text += fmt::format("\n[[pilot]]\ndo = \"{}\"\nat = \"{}\"\n", row.text, row.at);
     if (row.flies()) text += fmt::format("for = \"{}\"\n", time_text(row.for_ns));
+    if (row.steer)
+      text += fmt::format("reaction = \"{}\"\nsees = \"{}\"\n", time_text(row.reaction_ns),
+                          row.sees_path ? "path" : "state");
     if (!row.drone.empty()) text += fmt::format("drone = \"{}\"\n", row.drone);
   }
   return text;
 }
 
-Pilot::Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneObservation>& drones) {
-  for (const PilotRow& row : rows) rows_.push_back({row, TriggerWatch(row.trigger, row.drone, drones)});
+SteeringPilot::SteeringPilot(const PilotRow& row, const WorldConfig& config, const DroneObservation& drone)
+    : course_(course_of(config, drone.number, drone.start_m)),
+      speed_mps_(task_of(config, drone.number).speed_mps),
+      end_m_(course_.length_m() * task_of(config, drone.number).laps),
+      sees_path_(row.sees_path),
+      reaction_ns_(row.reaction_ns) {}
+
+std::optional<Twist> SteeringPilot::steer(TimeNs now, const ground::FlightCore& ground, std::size_t drone) {
+  const ground::IntakeState& intake = ground.intake(drone);
+  if (intake.has_state && intake.state.pose_stamp_ns != 0) {
+    Shown shown{now, intake.state.position_m, intake.state.yaw_rad};
+    const auto path = sees_path_ ? ground.committed(now, drone) : std::nullopt;
+    if (path) shown.position_m = {path->predicted_m.x(), path->predicted_m.y(), path->predicted_m.z()};
+    shown_.push_back(shown);
+  }
+  while (shown_.size() > 1 && shown_[1].t_ns <= now - reaction_ns_) shown_.pop_front();
+  if (shown_.empty() || shown_.front().t_ns > now - reaction_ns_) return std::nullopt;
+  const Shown& seen = shown_.front();
+  const Eigen::Vector2d at(seen.position_m[0], seen.position_m[1]);
+  double nearest_m = (course_.point(at_m_) - at).norm();
+  const double from_m = at_m_;
+  for (double s = from_m; s <= from_m + search_m; s += search_step_m) {
+    const double distance_m = (course_.point(s) - at).norm();
+    if (distance_m > nearest_m) continue;
+    nearest_m = distance_m;
+    at_m_ = s;
+  }
+  const double ahead_m = std::max(least_look_ahead_m, look_ahead_s * speed_mps_);
+  const Eigen::Vector2d way = course_.point(std::min(at_m_ + ahead_m, end_m_)) - at;
+  const Eigen::Vector2d map = way.norm() > 0 ? Eigen::Vector2d(speed_mps_ * way.normalized()) : way;
+  const double turned = -seen.yaw_rad;
+  Twist sticks;
+  sticks.linear_mps = {
+      std::cos(turned) * map.x() - std::sin(turned) * map.y(), std::sin(turned) * map.x() + std::cos(turned) * map.y(),
+      std::clamp(climb_gain_per_s * (course_.height_m(at_m_, ground::ControllerConfig{}.height_m) - seen.position_m[2]),
+                 -max_climb_mps, max_climb_mps)};
+  return sticks;
+}
+
+Pilot::Pilot(const std::vector<PilotRow>& rows, const WorldConfig& config,
+             const std::vector<DroneObservation>& drones) {
+  for (const PilotRow& row : rows) {
+    Row& one = rows_.emplace_back(Row{row, TriggerWatch(row.trigger, row.drone, drones)});
+    if (!row.steer) continue;
+    for (const std::size_t drone : one.watch.drones) one.steering.emplace_back(row, config, drones[drone]);
+  }
+}
+
+void Pilot::steer(Row& one, SimulatedWorld& world) {
+  const ground::FlightCore* const ground = world.ground();
+  if (!ground) return;
+  one.over = true;
+  for (std::size_t i = 0; i < one.steering.size(); ++i) {
+    SteeringPilot& pilot = one.steering[i];
+    const std::size_t drone = one.watch.drones[i];
+    if (pilot.is_through()) continue;
+    ground::PilotCommand command{.drone = drone, .came_ns = world.now()};
+    command.velocity = pilot.steer(world.now(), *ground, drone);
+    command.land = pilot.is_through();
+    if (command.land) command.velocity.reset();
+    one.over = one.over && command.land;
+    if (command.velocity || command.land) world.post_command(command);
+  }
 }
 
 void Pilot::step(SimulatedWorld& world) {
@@ -106,6 +189,10 @@ void Pilot::step(SimulatedWorld& world) {
     if (one.over || !one.watch.is_due(now, world.drones()) || now < one.next_ns) continue;
     if (one.begun_ns < 0) one.begun_ns = now;
     one.next_ns = now + again_ns;
+    if (row.steer) {
+      steer(one, world);
+      continue;
+    }
     one.over = !row.flies() || one.next_ns >= one.begun_ns + row.for_ns;
     if (row.mission) {
       world.post_mission_command(*row.mission);

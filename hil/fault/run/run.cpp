@@ -181,7 +181,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   auto scheduled = FaultSchedule::create(script.faults, world.drones());
   if (!scheduled) return scheduled.error();
   FaultSchedule& schedule = *scheduled;
-  Pilot pilot(script.pilot, world.drones());
+  Pilot pilot(script.pilot, script.flight, world.drones());
 
   RunRecorder recorder(script, seed, world.drones());
   std::vector<Moment::Excuse> excuses(world.drones().size());

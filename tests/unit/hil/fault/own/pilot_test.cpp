@@ -1,7 +1,10 @@
 #include "hil/fault/pilot.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
 
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
@@ -46,6 +49,41 @@ TEST(Pilot, AWordWhoseMomentNeverComesBreaksTheRun) {
 TEST(Pilot, IsReadAgainAsItWasWritten) {
   const std::string text = text_of(scripted(ahead));
   EXPECT_EQ(text_of(scripted(text)), text);
+  const std::string steers =
+      text_of(scripted("title = \"t\"\n[flight]\nkind = \"manual\"\n[[pilot]]\ndo = \"steer\"\nreaction = "
+                       "\"300ms\"\nsees = \"path\"\n"));
+  EXPECT_THAT(steers, HasSubstr("reaction = \"300ms\"\nsees = \"path\"\n"));
+  EXPECT_EQ(text_of(scripted(steers)), steers);
+}
+
+/// Along a square of 1.5 m, with the ledger so far away each way.
+Metrics steered(int delay_ms, const std::string& more) {
+  std::string text =
+      "title = \"t\"\nmust = [\"finishes\"]\n[flight]\nkind = \"manual\"\nspeed_mps = 0.5\nlaps = 1\nseconds = 45\n"
+      "max_age = \"5s\"\n[[pilot]]\ndo = \"takeoff\"\nat = \"2s\"\n"
+      "[[pilot]]\ndo = \"steer\"\nat = \"flying + 1s\"\n" +
+      more;
+  if (delay_ms > 0) text += fmt::format("[[fault]]\nwhat = \"ledger ground delay {}ms\"\nat = \"1ms\"\n", delay_ms);
+  const auto run = run_script(scripted(text), 1);
+  EXPECT_TRUE(run && run->all_held()) << (run ? broken_text(*run) : run.error().message);
+  return run ? run->metrics : Metrics{};
+}
+double off_path_m(const Metrics& metrics) {
+  const auto found = std::ranges::find(metrics, "path_rms_m", &MetricValue::name);
+  return found == metrics.end() ? -1 : found->value;
+}
+
+TEST(Pilot, WhoSteersBySightFollowsTheCourseAndLandsAtItsEnd) {
+  const double at_once_m = off_path_m(steered(0, "reaction = \"0s\"\n")), person_m = off_path_m(steered(0, ""));
+  EXPECT_GT(at_once_m, 0);
+  EXPECT_LT(person_m, 0.15);
+  EXPECT_GT(person_m, at_once_m) << "a reaction time costs";
+}
+
+TEST(Pilot, WhoSeesTheCommittedPathMindsADelayLess) {
+  const double by_state_m = off_path_m(steered(500, "")), by_path_m = off_path_m(steered(500, "sees = \"path\"\n"));
+  EXPECT_GT(by_path_m, 0);
+  EXPECT_GT(by_state_m, 2 * by_path_m);
 }
 
 TEST(Pilot, WhatIsWrongIsReportedByLineAndKey) {
@@ -58,6 +96,11 @@ TEST(Pilot, WhatIsWrongIsReportedByLineAndKey) {
       {manual + "do = \"land\"\nat = \"noon\"\n", "x.toml:6: pilot.0.at: \"noon\""},
       {manual + "do = \"land\"\nfor = \"2s\"\n", "x.toml:6: pilot.0.for: must be a time as 2s, and goes with fly"},
       {manual + "do = \"land\"\ndrone = \"tello2\"\n", "x.toml:6: pilot.0.drone: must be one that flies here"},
+      {manual + "do = \"land\"\nreaction = \"1s\"\n",
+       "x.toml:6: pilot.0.reaction: must be a time as 300ms, 5 s at most"},
+      {manual + "do = \"steer\"\nreaction = \"6s\"\n", "x.toml:6: pilot.0.reaction: must be a time as 300ms"},
+      {manual + "do = \"land\"\nsees = \"path\"\n", "x.toml:6: pilot.0.sees: goes with steer alone"},
+      {manual + "do = \"steer\"\nsees = \"stars\"\n", "x.toml:6: pilot.0.sees"},
       {"title = \"t\"\n[[pilot]]\ndo = \"land\"\n", "pilot.0.do: must not be there: a pilot goes with"},
       {manual + "do = \"takeoff\"\n[[fault]]\nwhat = \"ledger stall\"\nat = \"lap 2\"\n",
        "x.toml:8: fault.0.at: must be no moment of a path: in a flight of kind \"manual\""},
