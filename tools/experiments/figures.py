@@ -202,7 +202,9 @@ def lines(document: dict, figure: dict, published: dict):
     for i, (label, points) in enumerate(series.items()):
         points.sort(key=lambda one: one[0])
         x = [x for x, _ in points]
-        axes.plot(x, [np.mean(v) if figure["mean"] else np.median(v) for _, v in points], "o-", color=colour(i), label=label or None)
+        wider = 1.2 * (len(series) - 1 - i)  # a line that lies on another one leaves an edge of it
+        axes.plot(x, [np.mean(v) if figure["mean"] else np.median(v) for _, v in points], "o-", color=colour(i), label=label or None,
+                  linewidth=1.5 + wider, markersize=6 + wider)
         if not figure["mean"]:
             axes.fill_between(x, [min(v) for _, v in points], [max(v) for _, v in points], color=colour(i), alpha=0.15)
     for marker, name in zip("sD^", figure["beside"]):
