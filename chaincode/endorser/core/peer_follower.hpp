@@ -87,6 +87,8 @@ class BlockSources {
     return true;
   }
   bool has_joined() const { return joined_; }
+  /// The shared stream's reader knows a block that is not there yet: an answer would be of an older state than that.
+  bool is_behind_reader(std::uint64_t height) const { return reported_ && *reported_ >= height; }
   /// Whether it is of this source's connection that the endorser lives.
   bool depends_on(Source source) const { return joined_ == (source == Source::shared); }
 

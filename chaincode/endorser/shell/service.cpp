@@ -310,6 +310,11 @@ node::Reply Service::process_locked(const std::string& signed_proposal, Caller c
     ++counts_.sent_to_the_peer;
     return {node::Code::unavailable, ready.error().message, ready.error().message, {}};
   }
+  if (sources_.is_behind_reader(core_.height())) {
+    ++counts_.sent_to_the_peer;
+    const std::string why = "the endorser has not taken the newest blocks yet";
+    return {node::Code::unavailable, why, why, {}};
+  }
   renewed = apply_renewed_identity();
   node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()}, caller == Caller::own);
   if (reply.code == node::Code::unavailable) {

@@ -18,12 +18,16 @@ TEST(BlockSources, TheOwnStreamBringsWhatWasBeforeTheSharedOne) {
   BlockSources sources;
   std::uint64_t height = 0;
   sources.set_shared_connected(true);
+  EXPECT_FALSE(sources.is_behind_reader(height)) << "its reader knows nothing yet";
   EXPECT_FALSE(deliver(sources, Source::shared, 5, height)) << "it is of later";
   EXPECT_FALSE(sources.try_join(height));
+  EXPECT_TRUE(sources.is_behind_reader(height)) << "who has block 5 would get an answer of before it";
   for (std::uint64_t n = 0; n < 5; ++n) EXPECT_TRUE(deliver(sources, Source::own, n, height));
   EXPECT_FALSE(sources.try_join(height)) << "block 5 is still missing: the shared stream does not tell it again";
   EXPECT_TRUE(sources.depends_on(Source::own));
+  EXPECT_TRUE(sources.is_behind_reader(height));
   EXPECT_TRUE(deliver(sources, Source::own, 5, height));
+  EXPECT_FALSE(sources.is_behind_reader(height));
   EXPECT_TRUE(sources.try_join(height));
   EXPECT_FALSE(sources.try_join(height)) << "once";
   EXPECT_TRUE(sources.depends_on(Source::shared));
