@@ -29,7 +29,7 @@ Status FlightLedger::start() {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
     if (options_.ca) ledger.push_back("--ca");
-    for (const int organisation : organisations_nobody_waits_for(options_))
+    for (int organisation = 1; waits_for_no_peer(options_) && organisation <= 3; ++organisation)
       ledger.insert(ledger.end(), {"--background", fmt::format("org{}", organisation)});
   } else {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});

@@ -82,13 +82,10 @@ inline std::string drone_name(const Options& options, int drone) {
   return options.own ? options.own->drones[static_cast<std::size_t>(drone) - 1].name : "tello" + std::to_string(drone);
 }
 
-/// Of Fabric on this host: the organisations for whose peers neither agent nor ground waits in flight. The peer of
-/// organisation 1 is waited for unless agent and ground endorse by themselves and take the orderer's blocks; an
-/// endorser beside them follows that peer.
-inline std::vector<int> organisations_nobody_waits_for(const Options& options) {
-  if (options.endorser_within && options.blocks == "ordered") return {1, 2, 3};
-  return {2, 3};
-}
+/// Of Fabric on this host: no peer is waited for in flight, since agent and ground endorse by themselves and take the
+/// orderer's blocks. Otherwise even a peer of another organisation is: two that are not equally far do not agree on an
+/// answer, as the calls of several organisations need it. An endorser beside agent follows the own peer.
+inline bool waits_for_no_peer(const Options& options) { return options.endorser_within && options.blocks == "ordered"; }
 inline std::vector<std::string> drone_names(const Options& options) {
   std::vector<std::string> names;
   for (int k = 1; k <= options.drones; ++k) names.push_back(drone_name(options, k));
