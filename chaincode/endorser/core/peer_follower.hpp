@@ -82,7 +82,7 @@ class BlockSources {
   void set_shared_connected(bool connected) { connected_ = connected; }
   /// Up to this height all is there. True: from now on it is the shared stream's.
   bool try_join(std::uint64_t height) {
-    if (joined_ || !connected_ || !reported_ || *reported_ >= height) return false;
+    if (joined_ || !connected_ || !reported_ || is_behind_reader(height)) return false;
     joined_ = true;
     return true;
   }

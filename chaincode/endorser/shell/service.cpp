@@ -306,15 +306,13 @@ node::Reply Service::process_proposal(const std::string& signed_proposal, Caller
 
 node::Reply Service::process_locked(const std::string& signed_proposal, Caller caller, Status& renewed) {
   auto lock = caller == Caller::own ? mutex_.lock_first() : mutex_.lock_later();
-  if (const Status ready = readiness_.check(core_.height()); !ready) {
+  const auto send_to_the_peer = [&](const std::string& why) -> node::Reply {
     ++counts_.sent_to_the_peer;
-    return {node::Code::unavailable, ready.error().message, ready.error().message, {}};
-  }
-  if (sources_.is_behind_reader(core_.height())) {
-    ++counts_.sent_to_the_peer;
-    const std::string why = "the endorser has not taken the newest blocks yet";
     return {node::Code::unavailable, why, why, {}};
-  }
+  };
+  if (const Status ready = readiness_.check(core_.height()); !ready) return send_to_the_peer(ready.error().message);
+  if (sources_.is_behind_reader(core_.height()))
+    return send_to_the_peer("the endorser has not taken the newest blocks yet");
   renewed = apply_renewed_identity();
   node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()}, caller == Caller::own);
   if (reply.code == node::Code::unavailable) {
@@ -326,11 +324,8 @@ node::Reply Service::process_locked(const std::string& signed_proposal, Caller c
   const bool chosen = reply.code == node::Code::ok && may_choose && choose_for_check(signed_proposal, reply.bytes);
   // The client would ask the peer the same at the same time, which refuses one of two that have one id.
   if (chosen && !has_agreed()) await_check(lock);
-  if (!has_agreed() || readiness_.failed()) {
-    ++counts_.sent_to_the_peer;
-    const std::string why = "the endorser has not yet answered as the peer under this definition of the contract";
-    return {node::Code::unavailable, why, why, {}};
-  }
+  if (!has_agreed() || readiness_.failed())
+    return send_to_the_peer("the endorser has not yet answered as the peer under this definition of the contract");
   ++counts_.answered;
   return reply;
 }
