@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -144,13 +145,13 @@ std::optional<Twist> SteeringPilot::steer(TimeNs now, const ground::FlightCore& 
     nearest_m = distance_m;
     at_m_ = s;
   }
+  if (is_through()) return std::nullopt;
   const double ahead_m = std::max(least_look_ahead_m, look_ahead_s * speed_mps_);
   const Eigen::Vector2d way = course_.point(std::min(at_m_ + ahead_m, end_m_)) - at;
-  const Eigen::Vector2d map = way.norm() > 0 ? Eigen::Vector2d(speed_mps_ * way.normalized()) : way;
-  const double turned = -seen.yaw_rad;
+  const Eigen::Vector2d ahead_mps = speed_mps_ * (Eigen::Rotation2Dd(-seen.yaw_rad) * way.normalized());
   Twist sticks;
   sticks.linear_mps = {
-      std::cos(turned) * map.x() - std::sin(turned) * map.y(), std::sin(turned) * map.x() + std::cos(turned) * map.y(),
+      ahead_mps.x(), ahead_mps.y(),
       std::clamp(climb_gain_per_s * (course_.height_m(at_m_, ground::ControllerConfig{}.height_m) - seen.position_m[2]),
                  -max_climb_mps, max_climb_mps)};
   return sticks;
@@ -176,7 +177,6 @@ void Pilot::steer(Row& one, SimulatedWorld& world) {
     ground::PilotCommand command{.drone = drone, .came_ns = world.now()};
     command.velocity = pilot.steer(world.now(), *ground, drone);
     command.land = pilot.is_through();
-    if (command.land) command.velocity.reset();
     one.over = one.over && command.land;
     if (command.velocity || command.land) world.post_command(command);
   }

@@ -35,7 +35,7 @@ struct PilotRow {
 class SteeringPilot {
  public:
   SteeringPilot(const PilotRow& row, const WorldConfig& config, const DroneObservation& drone);
-  /// Each time that the pilot looks and moves the sticks; nothing: the pilot has not seen it yet.
+  /// Each time that the pilot looks and moves the sticks; nothing: it was not seen yet, or is through.
   std::optional<Twist> steer(TimeNs now, const ground::FlightCore& ground, std::size_t drone);
   bool is_through() const { return at_m_ >= end_m_; }
 

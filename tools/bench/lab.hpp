@@ -36,6 +36,7 @@ class Network {
     bool peers_in_background = false;  ///< nobody waits for them: of Fabric alone
     bool operator==(const Settings&) const = default;
   };
+  /// Competitors of equal ones may share a network.
   static Settings settings_for(const Competitor& competitor);
 
   Network(LabPaths paths, Settings settings, std::filesystem::path dir, const std::atomic<int>& interrupts);

@@ -86,6 +86,7 @@ inline std::string drone_name(const Options& options, int drone) {
 /// orderer's blocks. Otherwise even a peer of another organisation is: two that are not equally far do not agree on an
 /// answer, as the calls of several organisations need it. An endorser beside agent follows the own peer.
 inline bool waits_for_no_peer(const Options& options) { return options.endorser_within && options.blocks == "ordered"; }
+
 inline std::vector<std::string> drone_names(const Options& options) {
   std::vector<std::string> names;
   for (int k = 1; k <= options.drones; ++k) names.push_back(drone_name(options, k));
